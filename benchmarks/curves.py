@@ -1,0 +1,112 @@
+"""What a state of the `curves` stage costs, in banded factor-and-solves of the network's rest Hessian.
+
+    python benchmarks/curves.py [networks]
+
+Runs the stage as the workflow does, on evenly chosen networks of the default study, and prints CPU seconds a state
+(all of the process: imports, reading, loading, writing) over the time of one banded Cholesky factorisation and solve
+in SciPy's reverse Cuthill-McKee order, both measured in this run, and the Newton iterations a state.
+"""
+
+import json
+import os
+import platform
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from importlib.metadata import version
+from pathlib import Path
+
+os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
+
+import numpy as np
+import yaml
+from scipy.linalg import lapack
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+from fibrous import datasets
+from fibrous.networks.assembly import Assembly
+from fibrous.networks.fiber_law import FiberLaw
+from fibrous.provenance import code_hash
+from fibrous.study.loading import unpacked
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def run_stage(stage: str, config: dict, inputs: list[Path], output: Path) -> float:
+    """Run a stage as a rule does; CPU seconds of its process."""
+    params = {"stage": f"fibrous.study.{stage}", "config": config, "code_hash": code_hash(f"fibrous.study.{stage}")}
+    command = [sys.executable, "-m", "fibrous.study.job", "--params", json.dumps(params)]
+    command += ["--input", "networks", *map(str, inputs)] if inputs else []
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run([*command, "--output", stage, str(output)], check=True, capture_output=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def factor_and_solve(network, nonlinearity: float, repeats: int = 9) -> float:
+    """Median seconds of one banded factor-and-solve of the rest Hessian in SciPy's reverse Cuthill-McKee order."""
+    assembly = Assembly(network, FiberLaw(nonlinearity))
+    band = assembly.hessian(assembly.evaluate(np.eye(3), np.zeros((assembly.size + 1, 3))))
+    size = band.shape[1]
+    rows = np.arange(len(band))[:, None] + np.arange(size)
+    entries = (rows < size) & (band != 0.0)
+    row, column, value = rows[entries], np.broadcast_to(np.arange(size), band.shape)[entries], band[entries]
+    # Order the nodes, not their coordinates: the three unknowns of a node stay together.
+    graph = csr_array(coo_array((np.ones(len(row)), (row // 3, column // 3)), shape=(size // 3, size // 3)))
+    order = reverse_cuthill_mckee(csr_array(graph + graph.T), symmetric_mode=True)
+    place = np.argsort((3 * order[:, None] + np.arange(3)).ravel())
+    low, high = np.minimum(place[row], place[column]), np.maximum(place[row], place[column])
+    ordered = np.zeros(((high - low).max() + 1, size), order="F")
+    ordered[high - low, low] = value
+    times = []
+    for _ in range(repeats):
+        work = ordered.copy(order="F")
+        start = time.perf_counter()
+        factor, info = lapack.dpbtrf(work, lower=1, overwrite_ab=1)
+        lapack.dpbtrs(factor, np.ones(size), lower=1)
+        times.append(time.perf_counter() - start)
+        assert info == 0
+    return float(np.median(times))
+
+
+def main() -> None:
+    """Run, compare, print."""
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 25
+    config = yaml.safe_load((ROOT / "config/config.yaml").read_text(encoding="utf-8"))
+    numbers = np.linspace(0, config["delaunay"]["networks"] - 1, count).astype(int).tolist()
+    shared = {key: config[key] for key in ("seed", "fiber", "cube")}
+    alignment = {key: config["delaunay"][key] for key in ("H11", "smallest_H")}
+    limits = {key: config[key] for key in ("principal_stretch_limit", "equilibrium")}
+    with tempfile.TemporaryDirectory() as folder:
+        networks = Path(folder) / "networks.nc"
+        run_stage(
+            "networks", {**shared, "ensemble": "delaunay", "numbers": numbers, "delaunay": alignment}, [], networks
+        )
+        baseline = np.mean(
+            [
+                factor_and_solve(one, config["fiber"]["nonlinearity"])
+                for one in unpacked(datasets.read(networks, "networks"))
+            ]
+        )
+        seconds, states, iterations = 0.0, 0, 0
+        for protocol in config["protocols"]:
+            curves = Path(folder) / f"{protocol['name']}.nc"
+            spent = run_stage("curves", {"protocol": protocol, **limits}, [networks], curves)
+            found = datasets.read(curves, "curves")
+            here, newton = found["converged"].values[..., 1:].size, int(found["newton_iterations"].sum())
+            print(f"{protocol['name']}: {1e3 * spent / here:.2f} ms a state, {newton / here:.2f} iterations a state")
+            seconds, states, iterations = seconds + spent, states + here, iterations + newton
+    print(f"one banded factor-and-solve, mean over {count} networks: {1e3 * baseline:.2f} ms")
+    print(f"ratio: {seconds / states / baseline:.2f} factor-and-solves a state (to reach: at most 5.5)")
+    print(f"Newton iterations a state: {iterations / states:.2f} (to reach: at most 3.5)")
+    print(
+        f"{platform.processor() or platform.machine()}, Python {platform.python_version()}, "
+        + ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "numba"))
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,93 @@
+"""Whether the results on disk are those that the present config and code would make.
+
+Every result carries the hashes of what made it, so this needs no record of past runs and works on a copied folder too.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+from PIL import Image
+
+from fibrous.errors import DatasetError
+from fibrous.provenance import config_hash
+from fibrous.study.stages import Config, expected_files, stage_params
+
+UNMARKED = {".svg": ".png"}  # a format that carries no attributes stands or falls with its twin
+
+
+def check(config: Config, folder: Path) -> tuple[list[str], int]:
+    """One line for every file under `folder`/results that is stale, unreadable, missing or of no stage.
+
+    Also returns the number of files that the study has. `config` is validated.
+    """
+    expected = {Path(path): (stage, wildcards) for path, stage, wildcards in expected_files(config)}
+    lines = []
+    for path, (stage, wildcards) in expected.items():
+        fault = _fault(folder / path, stage_params(stage, config, wildcards))
+        if fault:
+            lines.append(f"{path}: {fault}")
+    sidecars = {Path(f"{path}.json") for path in expected if path.suffix == ".csv"}
+    for found in sorted((folder / "results").rglob("*")):
+        path = found.relative_to(folder)
+        if found.is_file() and path not in expected and path not in sidecars:
+            lines.append(f"{path}: foreign, no stage of this study writes it")
+    return lines, len(expected)
+
+
+def _fault(path: Path, params: Mapping[str, Any]) -> str:
+    """What is wrong with the file, in words; nothing where it is as `params` would make it."""
+    if not path.is_file():
+        return "missing"
+    try:
+        found = _attributes(path.with_suffix(UNMARKED.get(path.suffix, path.suffix)))
+        made_with = json.loads(found["config"])
+    except (DatasetError, KeyError, TypeError, ValueError) as error:
+        return f"unreadable ({' '.join(str(error).split())[:120]})"
+    if found.get("stage") != params["stage"]:
+        return f"foreign, written by {found.get('stage')}"
+    reasons = []
+    if found.get("config_hash") != config_hash(params["config"]):
+        reasons.append(_difference(made_with, params["config"], ""))
+    if found.get("code_hash") != params["code_hash"]:
+        reasons.append(f"the sources of {params['stage']} have changed")
+    return f"stale, {' and '.join(reasons)}" if reasons else ""
+
+
+def _attributes(path: Path) -> dict[str, Any]:
+    """The attributes of a NetCDF, of a CSV's companion, or of a PNG. Raises DatasetError where there are none."""
+    try:
+        if path.suffix == ".nc":
+            with xr.open_dataset(path, engine="h5netcdf") as dataset:
+                return dict(dataset.attrs)
+        if path.suffix == ".csv":
+            return json.loads(Path(f"{path}.json").read_text(encoding="utf-8"))
+        with Image.open(path) as image:
+            image.load()
+            return json.loads(image.info["fibrous"])
+    except (OSError, ValueError, KeyError, SyntaxError) as error:
+        raise DatasetError(str(error) or type(error).__name__) from None
+
+
+def _difference(before: Any, now: Any, path: str) -> str:
+    """The first place where two configs differ, in words."""
+    if isinstance(before, dict) and isinstance(now, dict):
+        for key in [*now, *before]:
+            if before.get(key) != now.get(key) or (key in before) != (key in now):
+                return _difference(before.get(key), now.get(key), f"{path}.{key}".lstrip("."))
+    if isinstance(before, list) and isinstance(now, list) and len(before) == len(now):
+        for i, (old, new) in enumerate(zip(before, now, strict=True)):
+            if old != new:
+                return _difference(old, new, f"{path}[{i}]")
+    if path == "upstream":
+        return "made from inputs that the present config or code would make differently"
+    return f"made with {path} = {_short(before)} where the config now says {_short(now)}"
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

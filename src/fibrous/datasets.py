@@ -1,0 +1,198 @@
+"""What flows between rules: every file of the study, declared, checked when read, and written whole or not at all.
+
+A file that is not what its declaration says raises DatasetError with one line: which file, what is wrong, what to do.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from fibrous.errors import DatasetError
+from fibrous.provenance import attributes
+
+
+@dataclass(frozen=True)
+class Variable:
+    """Declaration of one variable: its dimensions in order, NumPy kind, unit and meaning."""
+
+    dims: tuple[str, ...]
+    kind: str
+    units: str
+    long_name: str
+
+
+def _variable(dims: str, kind: str, units: str, long_name: str) -> Variable:
+    return Variable(tuple(dims.split()), kind, units, long_name)
+
+
+NETWORKS = {
+    "node_count": _variable("network", "i", "1", "number of nodes; the network's rows in the dimension node"),
+    "fiber_count": _variable("network", "i", "1", "number of fibers; the network's rows in the dimension fiber"),
+    "node_position": _variable("node axis", "f", "edge", "reference position in the unit cube centred on the origin"),
+    "node_is_boundary": _variable("node", "b", "1", "whether the node lies on a face and moves with F"),
+    "fiber_nodes": _variable("fiber end", "i", "1", "nodes at the fiber's ends, numbered within their own network"),
+    "structure_tensor": _variable("network axis axis_b", "f", "1", "generalized structure tensor H (Eq. 3)"),
+    "target_structure_tensor": _variable("network axis axis_b", "f", "1", "structure tensor asked of the generator"),
+    "volume_fraction": _variable("network", "f", "1", "fiber volume fraction (Eq. 5)"),
+    "shortest_fiber": _variable("network", "f", "edge", "reference length of the shortest fiber"),
+    "seed": _variable("network", "i", "1", "seed from which this network alone is generated"),
+    "name": _variable("network", "U", "", "name of the network, empty in an ensemble without names"),
+}
+
+CURVES = {
+    "deformation_gradient": _variable("network deformation step axis axis_b", "f", "1", "deformation gradient F"),
+    "magnitude": _variable("network deformation step", "f", "1", "stretch, or amount of shear, of the load"),
+    "averaged_stretch": _variable("network deformation step", "f", "1", "averaged fiber stretch √(H:C)"),
+    "strain_energy_density": _variable("network deformation step", "f", "MPa", "strain energy density of the fibers"),
+    "cauchy_stress": _variable("network deformation step axis axis_b", "f", "MPa", "Cauchy stress (Eq. 7)"),
+    "first_piola_kirchhoff_stress": _variable(
+        "network deformation step axis axis_b", "f", "MPa", "first Piola-Kirchhoff stress dW/dF"
+    ),
+    "largest_orientation_eigenvalue": _variable(
+        "network deformation step", "f", "1", "largest eigenvalue of the length-weighted orientation tensor h"
+    ),
+    "newton_iterations": _variable("network deformation step", "i", "1", "Newton iterations spent on the state"),
+    "cuts": _variable("network deformation step", "i", "1", "times the step to this state was halved"),
+    "converged": _variable("network deformation step", "b", "1", "whether the state is a stable equilibrium"),
+    "amplitude_limited": _variable(
+        "network deformation", "b", "1", "whether the load ends at the limit of the principal stretch"
+    ),
+    "structure_tensor": _variable("network axis axis_b", "f", "1", "generalized structure tensor H (Eq. 3)"),
+    "name": _variable("network", "U", "", "name of the network, empty in an ensemble without names"),
+}
+
+STATES = {
+    "node_position": _variable("deformation step node axis", "f", "edge", "position in the deformed state"),
+    "fiber_stretch": _variable("deformation step fiber", "f", "1", "stretch of the fiber"),
+    "fiber_nodes": _variable("fiber end", "i", "1", "nodes at the fiber's ends"),
+    "averaged_stretch": _variable("deformation step", "f", "1", "averaged fiber stretch √(H:C)"),
+    "deformation_gradient": _variable("deformation step axis axis_b", "f", "1", "deformation gradient F"),
+}
+
+SURFACE = {
+    "coefficient": _variable("protocol load_set constant term", "f", "MPa for C2, 1 for C3", "coefficient of Eq. 11"),
+    "half_width": _variable(
+        "protocol load_set constant term", "f", "MPa for C2, 1 for C3", "95 % half-width of the coefficient"
+    ),
+    "covariance": _variable(
+        "protocol load_set constant term term_b", "f", "squared unit of the constant", "covariance of the coefficients"
+    ),
+    "residual_variance": _variable(
+        "protocol load_set constant", "f", "squared unit of the constant", "variance of a network about the surface"
+    ),
+    "degrees_of_freedom": _variable("protocol load_set constant", "i", "1", "networks less terms"),
+    "r_squared": _variable("protocol load_set constant", "f", "1", "coefficient of determination"),
+    "cross_validated_r_squared": _variable("protocol load_set constant", "f", "1", "the same over held-out folds"),
+    "networks_at_bound": _variable("protocol load_set constant", "i", "1", "networks whose constant is at a bound"),
+    "network_count": _variable("protocol load_set", "i", "1", "networks fitted"),
+    "H11_range": _variable("protocol load_set bound", "f", "1", "least and largest H11 of the networks fitted"),
+    "H22_range": _variable("protocol load_set bound", "f", "1", "least and largest H22 of the networks fitted"),
+    "H33_range": _variable("protocol load_set bound", "f", "1", "least and largest H33 of the networks fitted"),
+    "lambda_f_max_range": _variable(
+        "protocol load_set bound", "f", "1", "least and largest amplitude λ_f of the networks' fits"
+    ),
+}
+
+KINDS: dict[str, dict[str, Variable]] = {
+    "networks": NETWORKS,
+    "curves": CURVES,
+    "states": STATES,
+    "surface": SURFACE,
+}
+
+
+def write(dataset: xr.Dataset, path: Path, kind: str, params: Mapping[str, Any]) -> None:
+    """Check `dataset` against the declaration of `kind`, add units and provenance, and write it whole.
+
+    `params` is what the rule gave the stage (its config, code hash, stage name); it goes into the attributes.
+    Raises DatasetError where a variable is missing or misshapen, or the file cannot be written.
+    """
+    declared = KINDS[kind]
+    _check(dataset, declared, path)
+    dataset = dataset[list(declared)]
+    for name, variable in declared.items():
+        dataset[name].attrs.update(units=variable.units, long_name=variable.long_name)
+    dataset.attrs.update(kind=kind, **attributes(params))
+    encoding = {name: {"zlib": True, "complevel": 1} for name, variable in declared.items() if variable.kind != "U"}
+    _place(bytes(dataset.to_netcdf(engine="h5netcdf", encoding=encoding)), path)
+
+
+def read(path: Path, kind: str) -> xr.Dataset:
+    """The dataset at `path`, in memory and checked. Raises DatasetError where it is not a file of `kind`."""
+    if not Path(path).is_file():
+        raise DatasetError(f"{path}: no such file; run the rule that writes it")
+    try:
+        with xr.open_dataset(path, engine="h5netcdf") as opened:
+            dataset = opened.load()
+    except (OSError, ValueError, KeyError, RuntimeError) as error:
+        raise DatasetError(f"{path}: not a readable NetCDF file ({_line(error)}); delete it and run again") from None
+    found = dataset.attrs.get("kind")
+    if found != kind:
+        raise DatasetError(f"{path}: holds '{found or 'something else'}' where a file of {kind} is needed")
+    _check(dataset, KINDS[kind], path)
+    return dataset
+
+
+def write_table(table: pd.DataFrame, path: Path, params: Mapping[str, Any]) -> None:
+    """Write a CSV whole, with its provenance beside it as ``{path}.json``. Raises DatasetError where it cannot."""
+    _place(json.dumps(attributes(params), indent=1).encode(), Path(f"{path}.json"))
+    _place(table.to_csv(index=False).encode(), path)
+
+
+def read_table(path: Path, columns: tuple[str, ...]) -> pd.DataFrame:
+    """The CSV at `path`. Raises DatasetError where it cannot be read or lacks one of `columns`."""
+    try:
+        table = pd.read_csv(path, keep_default_na=True)
+    except (OSError, ValueError) as error:
+        raise DatasetError(f"{path}: not a readable table ({_line(error)}); delete it and run again") from None
+    missing = [column for column in columns if column not in table]
+    if missing:
+        raise DatasetError(f"{path}: lacks the column '{missing[0]}'; delete it and run again")
+    return table
+
+
+def _check(dataset: xr.Dataset, declared: Mapping[str, Variable], path: Path) -> None:
+    for name, variable in declared.items():
+        if name not in dataset:
+            raise DatasetError(f"{path}: lacks the variable '{name}'; delete it and run again")
+        array = dataset[name]
+        if array.dims != variable.dims:
+            raise DatasetError(f"{path}: '{name}' has dimensions {array.dims}, not {variable.dims}")
+        kind = "U" if array.dtype.kind in "UOST" else array.dtype.kind
+        if kind != variable.kind and not (kind == "u" and variable.kind == "i"):
+            raise DatasetError(f"{path}: '{name}' holds numbers of kind '{kind}', not '{variable.kind}'")
+
+
+def _place(content: bytes, path: Path) -> None:
+    """Write beside, then rename: the file appears whole or not at all."""
+    path = Path(path)
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with open(beside, "wb") as stream:
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(beside, path)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        raise DatasetError(f"{path}: cannot be written ({_line(error)}); free space or mend the permission") from None
+
+
+def _line(error: BaseException) -> str:
+    text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return " ".join(text.split())[:160]
+
+
+def packed(arrays: Mapping[str, np.ndarray], declared: Mapping[str, Variable], coords: Mapping[str, Any]) -> xr.Dataset:
+    """A dataset of `arrays` with the dimensions that `declared` gives each of them."""
+    return xr.Dataset({name: (declared[name].dims, array) for name, array in arrays.items()}, coords=dict(coords))

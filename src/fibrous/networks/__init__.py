@@ -1,0 +1,1 @@
+"""Discrete fibre networks: generation, fibre law, equilibrium, homogenisation."""

@@ -1,0 +1,244 @@
+"""Equilibrium of a network whose boundary moves with F: Newton's method on the energy, stable states only.
+
+A state is accepted where the residual is within tolerance and the Hessian is positive definite. Where compressed
+fibres make the Hessian indefinite, the step is taken with just enough of their negative tension left out, and goes
+down in energy; a stationary point that is no minimum is left along its most unstable direction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eig_banded
+from threadpoolctl import threadpool_limits
+
+from fibrous.errors import ConvergenceError, NetworkError
+from fibrous.networks.assembly import Assembly, Point
+from fibrous.networks.fiber_law import FiberLaw
+from fibrous.networks.network import Network
+
+Array = NDArray[np.float64]
+
+# No step or prediction moves a node farther than this, in edges; a fibre of the study is about 0.17 edges long.
+LARGEST_MOVE = 0.3
+# First share of negative tension left out of an indefinite Hessian; thrice as much each time until it is definite.
+FIRST_SHARE = 0.02
+# With a definite Hessian a step is accepted without asking the energy, whose digits end sooner than the residual's,
+# where the slope along the step has fallen to this share of its first value.
+FLAT = 0.1
+# Share of the decrease that the slope promises, below which a step is halved, and the step given up as too short.
+SUFFICIENT = 1e-4
+SHORTEST = 1e-10
+# Least pivot of the rest Hessian, over its largest diagonal element, that tells a structure from a mechanism.
+SINGULAR = 1e-12
+
+
+@dataclass(frozen=True)
+class State:
+    """A network under one deformation gradient; see `Point` for its arrays.
+
+    converged : whether the residual is within tolerance and the Hessian positive definite
+    iterations : Newton iterations spent; cuts : times the way to this state was halved
+    """
+
+    point: Point
+    converged: bool
+    iterations: int
+    cuts: int = 0
+
+
+@dataclass(frozen=True)
+class _Reached:
+    """A state, the factor of its Hessian while that is valid, and the prediction that led to it."""
+
+    state: State
+    factor: Array | None
+    #: gradient and displacement of the state before, and the rate ∂u/∂F : ΔF there, for the same ΔF
+    before: tuple[Array, Array, Array] | None = None
+
+
+@dataclass(frozen=True)
+class EquilibriumSolver:
+    """Newton's method for one network.
+
+    Parameters
+    ----------
+    assembly : the network in the order of its band
+    residual_tolerance : ‖r‖ ≤ tolerance √(3n) max(1, f_rms), with n interior nodes and forces in kA
+    largest_number_of_iterations : for one F
+    largest_number_of_cuts : how often the way to an F is halved before it is given up
+    """
+
+    assembly: Assembly
+    residual_tolerance: float = 1e-9
+    largest_number_of_iterations: int = 60
+    largest_number_of_cuts: int = 6
+
+    @classmethod
+    def of(cls, network: Network, law: FiberLaw, **limits: float | int) -> EquilibriumSolver:
+        """The solver of a network with a fibre law."""
+        return cls(Assembly(network, law), **limits)  # type: ignore[arg-type]
+
+    def follow(self, gradients: Iterable[Array]) -> list[State]:
+        """States along a path of deformation gradients, each of shape (3, 3), that begins at the identity.
+
+        Beyond a gradient that cannot be reached the states are returned unconverged and untried.
+        """
+        with _reproducible():
+            here = self._rest()
+            states: list[State] = []
+            for gradient in gradients:
+                gradient = np.ascontiguousarray(gradient, dtype=float)
+                if states and here.state.converged:
+                    here = self._reach(here, gradient, 0)
+                elif states:
+                    here = replace(here, state=replace(here.state, iterations=0, cuts=0))
+                states.append(here.state)
+            return states
+
+    def equilibrium(self, gradient: Array, near: State | None = None) -> State:
+        """The state at F, shape (3, 3), reached from a converged state at another F, or from rest."""
+        with _reproducible():
+            here = self._rest() if near is None else self._refactored(_Reached(near, None))
+            return self._reach(here, np.ascontiguousarray(gradient, dtype=float), 0).state
+
+    def node_position(self, state: State) -> Array:
+        """Deformed positions of all nodes in the network's own order, shape (nodes, 3), edges."""
+        position = self.assembly.network.node_position @ state.point.gradient.T
+        position[self.assembly.nodes] += state.point.displacement[:-1]
+        return position
+
+    def condensed_tangent(self, state: State) -> Array:
+        """∂P/∂F of `Assembly.condensed_tangent` at a converged state; raises ConvergenceError at any other."""
+        with _reproducible():
+            factor = self.assembly.factor(state.point) if state.converged else None
+            if factor is None:
+                raise ConvergenceError("a tangent was asked for at a state that is no stable equilibrium")
+            return self.assembly.condensed_tangent(state.point, factor)
+
+    def _rest(self) -> _Reached:
+        point = self.assembly.evaluate(np.eye(3), np.zeros((self.assembly.size + 1, 3)))
+        largest = self.assembly.hessian(point)[0].max(initial=1.0)
+        factor = self.assembly.factor(point)
+        if factor is None or (factor[0] ** 2).min(initial=largest) < SINGULAR * largest:
+            raise NetworkError(
+                "the network is a mechanism at rest: some nodes move without stretching a fiber, so it has no stable "
+                "equilibrium; join more fibers at them (a node needs three out of one plane at the least)"
+            )
+        return _Reached(State(point, True, 0), factor)
+
+    def _reach(self, here: _Reached, gradient: Array, depth: int) -> _Reached:
+        start, rate = self._predicted(here, gradient)
+        there = self._newton(gradient, start)
+        if there.state.converged:
+            point = here.state.point
+            return replace(there, before=(point.gradient, point.displacement, rate))
+        if depth == self.largest_number_of_cuts:
+            return there
+        here = self._refactored(here)
+        middle = self._reach(here, 0.5 * (here.state.point.gradient + gradient), depth + 1)
+        end = self._reach(replace(middle, before=None), gradient, depth + 1) if middle.state.converged else there
+        spent = there.state.iterations + middle.state.iterations + (end.state.iterations if end is not there else 0)
+        cuts = 1 + middle.state.cuts + end.state.cuts
+        return replace(end, state=replace(end.state, iterations=spent, cuts=cuts), before=None)
+
+    def _refactored(self, here: _Reached) -> _Reached:
+        return _Reached(here.state, self.assembly.factor(here.state.point))
+
+    def _predicted(self, here: _Reached, gradient: Array) -> tuple[Array, Array]:
+        """Displacement to start from at F, and the rate ∂u/∂F : ΔF at `here`.
+
+        The tangent prediction, or the cubic through the last two states and their rates, whichever leaves the
+        smaller residual. The cubic is written so that it is exact where u is linear in F.
+        """
+        assembly, point = self.assembly, here.state.point
+        if here.factor is None:
+            return point.displacement, np.zeros(3 * assembly.size)
+        forward = assembly.displacement_rate(point, here.factor, gradient - point.gradient)
+        moves = [forward]
+        if here.before is not None:
+            gradient_before, displacement_before, rate_before = here.before
+            backward = assembly.displacement_rate(point, here.factor, point.gradient - gradient_before)
+            bend = (displacement_before - point.displacement)[:-1].ravel() + backward
+            moves.append(forward + 5.0 * bend + 2.0 * (rate_before - backward))
+        starts = [assembly.moved(point.displacement, _limited(move)) for move in moves]
+        return min(starts, key=lambda start: _norm(assembly.evaluate(gradient, start))), forward
+
+    def _newton(self, gradient: Array, start: Array) -> _Reached:
+        assembly = self.assembly
+        point = assembly.evaluate(gradient, start)
+        for iteration in range(self.largest_number_of_iterations + 1):
+            if not np.isfinite(_norm(point)):
+                break
+            factor = assembly.factor(point)
+            small = _norm(point) <= self.residual_tolerance * np.sqrt(len(point.residual)) * point.force_scale
+            if small and factor is not None:
+                return _Reached(State(point, True, iteration), factor)
+            if iteration == self.largest_number_of_iterations:
+                break
+            move = (
+                self._unstable_direction(point)
+                if small
+                else -assembly.solve(self._definite(point, factor), point.residual)
+            )
+            lower = self._line_search(point, _limited(move), definite=factor is not None)
+            if lower is None:
+                break
+            point = lower
+        return _Reached(State(point, False, iteration), None)
+
+    def _definite(self, point: Point, factor: Array | None) -> Array:
+        """The factor itself, or that of the Hessian with the least share of negative tension left out it needs."""
+        share = FIRST_SHARE
+        while factor is None:
+            factor = self.assembly.factor(point, min(share, 1.0))
+            if factor is None and share >= 1.0:
+                raise ConvergenceError("a network without negative tension has a singular Hessian: it is a mechanism")
+            share *= 3.0
+        return factor
+
+    def _unstable_direction(self, point: Point) -> Array:
+        """Eigenvector of the least eigenvalue, as long as the largest move, pointing down where there is a slope."""
+        vector = eig_banded(self.assembly.hessian(point).copy(), lower=True, select="i", select_range=(0, 0))[1][:, 0]
+        vector *= LARGEST_MOVE / np.abs(vector).max()
+        downhill = -np.sign(vector @ point.residual) or np.sign(vector[np.argmax(np.abs(vector))])
+        return downhill * vector
+
+    def _line_search(self, point: Point, move: Array, definite: bool) -> Point | None:
+        """The point after the longest halving of `move` that lowers the energy enough; None where none does."""
+        assembly = self.assembly
+        slope = float(move @ point.residual)
+        energy = None
+        length = 1.0
+        while length > SHORTEST:
+            trial = assembly.evaluate(point.gradient, assembly.moved(point.displacement, length * move))
+            if definite and abs(move @ trial.residual) <= FLAT * abs(slope):
+                return trial
+            if energy is None:
+                energy = assembly.energy(point)
+            if assembly.energy(trial) < energy + SUFFICIENT * length * slope:
+                return trial
+            length *= 0.5
+        return None
+
+
+@contextmanager
+def _reproducible() -> Iterator[None]:
+    """One BLAS thread, whose sums do not depend on the machine's load; trial points may leave the range of floats."""
+    with threadpool_limits(limits=1, user_api="blas"), np.errstate(over="ignore", invalid="ignore"):
+        yield
+
+
+def _norm(point: Point) -> float:
+    norm = float(np.sqrt(point.residual @ point.residual))
+    return norm if np.isfinite(norm) else np.inf
+
+
+def _limited(move: Array) -> Array:
+    """The move, shortened where it would carry a node farther than allowed along an axis."""
+    farthest = float(np.abs(move).max(initial=0.0))
+    return move * min(1.0, LARGEST_MOVE / farthest) if farthest > 0.0 else move

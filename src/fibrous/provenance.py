@@ -1,0 +1,88 @@
+"""Where a result comes from: the config and the sources that made it, and what it cost."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import json
+import platform
+import resource
+import sys
+from collections.abc import Mapping
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parent
+RECORDED = ("numpy", "scipy", "xarray", "numba", "matplotlib", "snakemake")
+
+
+def config_hash(config: Mapping[str, Any]) -> str:
+    """SHA-256 of the config as sorted JSON, 16 hexadecimal digits."""
+    return hashlib.sha256(json.dumps(config, sort_keys=True).encode()).hexdigest()[:16]
+
+
+@cache
+def code_hash(module: str) -> str:
+    """SHA-256 over the sources of `module` and of every module of this package that it imports, 16 digits."""
+    digest = hashlib.sha256()
+    for name in sorted(imported(module)):
+        digest.update(name.encode() + b"\0" + _path(name).read_bytes() + b"\0")
+    return digest.hexdigest()[:16]
+
+
+def imported(module: str) -> set[str]:
+    """`module` and all modules of this package that its module-level imports reach."""
+    reached: set[str] = set()
+    waiting = [module]
+    while waiting:
+        name = waiting.pop()
+        if name in reached:
+            continue
+        reached.add(name)
+        waiting.append(name.rpartition(".")[0] or name)
+        for node in ast.parse(_path(name).read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.Import):
+                waiting += [alias.name for alias in node.names if _is_module(alias.name)]
+            elif isinstance(node, ast.ImportFrom) and node.module and _is_module(node.module):
+                inner = [f"{node.module}.{alias.name}" for alias in node.names]
+                waiting += [node.module, *(name for name in inner if _is_module(name))]
+    return reached
+
+
+def _path(module: str) -> Path:
+    path = ROOT.joinpath(*module.split(".")[1:])
+    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+
+
+def _is_module(name: str) -> bool:
+    return name.split(".")[0] == ROOT.name and _path(name).is_file()
+
+
+def attributes(params: Mapping[str, Any]) -> dict[str, Any]:
+    """What a result carries: stage, config and its hash, code hash, seed, versions, CPU seconds, peak memory in MB.
+
+    `params` holds `stage` (a module of fibrous.study or fibrous.figures), `config` and, from the rule, `code_hash`.
+    """
+    config = params["config"]
+    own, children = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
+    kibibytes = 1 if sys.platform != "darwin" else 1024
+    return {
+        "stage": params["stage"],
+        "config": json.dumps(config, sort_keys=True),
+        "config_hash": config_hash(config),
+        "code_hash": params["code_hash"],
+        "seed": config.get("seed", -1),
+        "versions": json.dumps({"python": platform.python_version(), **{name: _version(name) for name in RECORDED}}),
+        "cpu_seconds": own.ru_utime + own.ru_stime + children.ru_utime + children.ru_stime,
+        "peak_memory_MB": max(own.ru_maxrss, children.ru_maxrss) / kibibytes / 1024,
+    }
+
+
+@cache
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except ModuleNotFoundError:
+        return "absent"

@@ -1,0 +1,1 @@
+"""One module a rule: read inputs, one call into the library, write outputs."""

@@ -1,0 +1,45 @@
+"""Rule `curves`: the W-λ curves of one batch of networks under every load of a protocol."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fibrous import datasets
+from fibrous.deformation import averaged_stretch
+from fibrous.networks.response import respond
+from fibrous.study.loading import loaded_networks
+
+
+def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
+    """Load every network of ``inputs["networks"]`` and write ``outputs["curves"]``."""
+    rows: list[dict[str, np.ndarray]] = []
+    numbers: list[int] = []
+    for network in loaded_networks(inputs["networks"][0], params["config"]):
+        responses = [respond(network.solver, path.gradients, network.stress_scale_MPa) for path in network.paths]
+        row = {
+            name: np.array([getattr(response, name) for response in responses])
+            for name in responses[0].__dataclass_fields__
+        }
+        gradients = np.array([path.gradients for path in network.paths])
+        row["deformation_gradient"] = gradients
+        row["magnitude"] = np.array([path.magnitudes for path in network.paths])
+        row["averaged_stretch"] = averaged_stretch(gradients, network.structure_tensor)
+        row["amplitude_limited"] = np.array([path.amplitude_limited for path in network.paths])
+        row["structure_tensor"] = network.structure_tensor
+        row["name"] = np.array(network.name, dtype=object)
+        rows.append(row)
+        numbers.append(network.number)
+        print(
+            f"network {network.number} {network.name}: {row['converged'].sum()} of {row['converged'].size} states",
+            file=sys.stderr,
+        )
+    arrays = {name: np.stack([row[name] for row in rows]) for name in datasets.CURVES}
+    loads = [entry["load"] for entry in params["config"]["protocol"]["loads"]]
+    steps = np.arange(params["config"]["protocol"]["steps"] + 1)
+    coords = {"network": np.array(numbers), "deformation": np.array(loads, dtype=object), "step": steps}
+    datasets.write(datasets.packed(arrays, datasets.CURVES, coords), outputs["curves"], "curves", params)

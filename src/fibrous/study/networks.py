@@ -1,0 +1,88 @@
+"""Rule `networks`: the networks of one batch of an ensemble, generated or read from the user's files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from fibrous import datasets
+from fibrous.network_files import read_network
+from fibrous.networks.generation import alignment_targets, delaunay_network, network_seed
+from fibrous.networks.network import Network, structure_tensor, total_length, volume_fraction
+
+
+def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
+    """Write the batch's networks to ``outputs["networks"]``; raises NetworkError where one cannot be had."""
+    config = params["config"]
+    numbers = np.array(config["numbers"], dtype=np.int64)
+    if config["ensemble"] == "file":
+        entries = [config["network_files"][number] for number in numbers]
+        networks = [read_network(entry) for entry in entries]
+        targets, seeds = [structure_tensor(network.fiber_vectors) for network in networks], [-1] * len(networks)
+    else:
+        targets = _targets(config, numbers)
+        seeds = [network_seed(config["seed"], config["ensemble"], int(number)) for number in numbers]
+        length = total_length(
+            config["cube"]["volume_fraction"], config["cube"]["edge_length_um"], config["fiber"]["radius_um"]
+        )
+        tolerance = config["cube"]["alignment_tolerance"]
+        networks = [
+            delaunay_network(target, length, seed, tolerance) for target, seed in zip(targets, seeds, strict=True)
+        ]
+    dataset = _packed(networks, numbers, np.array(targets), np.array(seeds), _names(config, numbers), config)
+    datasets.write(dataset, outputs["networks"], "networks", params)
+
+
+def _targets(config: Mapping[str, Any], numbers: np.ndarray) -> list[np.ndarray]:
+    if config["ensemble"] == "named":
+        entries = [config["named"][number] for number in numbers]
+        return [np.diag([entry["H11"], entry["H22"], 1.0 - entry["H11"] - entry["H22"]]) for entry in entries]
+    least, most = config["delaunay"]["H11"]
+    return list(alignment_targets(numbers, config["seed"], (least, most), config["delaunay"]["smallest_H"]))
+
+
+def _names(config: Mapping[str, Any], numbers: np.ndarray) -> list[str]:
+    named = {"named": "named", "file": "network_files"}.get(config["ensemble"])
+    return [config[named][number]["name"] if named else "" for number in numbers]
+
+
+def _packed(
+    networks: list[Network],
+    numbers: np.ndarray,
+    targets: np.ndarray,
+    seeds: np.ndarray,
+    names: list[str],
+    config: Mapping[str, Any],
+) -> xr.Dataset:
+    cube, fiber = config["cube"], config["fiber"]
+    arrays = {
+        "node_count": np.array([len(network.node_position) for network in networks]),
+        "fiber_count": np.array([len(network.fiber_nodes) for network in networks]),
+        "node_position": np.concatenate([network.node_position for network in networks]),
+        "node_is_boundary": np.concatenate([network.node_is_boundary for network in networks]),
+        "fiber_nodes": np.concatenate([network.fiber_nodes for network in networks]),
+        "structure_tensor": np.array([structure_tensor(network.fiber_vectors) for network in networks]),
+        "target_structure_tensor": targets,
+        "volume_fraction": np.array(
+            [volume_fraction(network, cube["edge_length_um"], fiber["radius_um"]) for network in networks]
+        ),
+        "shortest_fiber": np.array([network.fiber_lengths.min() for network in networks]),
+        "seed": seeds,
+        "name": np.array(names, dtype=object),
+    }
+    dataset = datasets.packed(arrays, datasets.NETWORKS, {"network": numbers})
+    dataset.attrs.update(
+        edge_length_um=cube["edge_length_um"],
+        fiber_radius_um=fiber["radius_um"],
+        fiber_modulus_MPa=fiber["modulus_MPa"],
+        fiber_nonlinearity=fiber["nonlinearity"],
+        # NetCDF has no null: NaN says that the law is exponential throughout.
+        fiber_linear_beyond_stretch=np.nan
+        if fiber["linear_beyond_stretch"] is None
+        else fiber["linear_beyond_stretch"],
+    )
+    return dataset

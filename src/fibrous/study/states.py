@@ -1,0 +1,41 @@
+"""Rule `states`: node positions and fibre stretches of one network at every step, for the figures that draw it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fibrous import datasets
+from fibrous.deformation import averaged_stretch
+from fibrous.errors import DatasetError
+from fibrous.study.loading import loaded_networks
+
+
+def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
+    """Load the network called ``config["network"]`` and write ``outputs["states"]``.
+
+    Raises DatasetError if it is absent.
+    """
+    path, wanted = inputs["networks"][0], params["config"]["network"]
+    network = next((one for one in loaded_networks(path, params["config"]) if one.name == wanted), None)
+    if network is None:
+        raise DatasetError(f"{path}: holds no network called '{wanted}'; add it to `named` in the config")
+    followed = [network.solver.follow(load.gradients) for load in network.paths]
+    gradients = np.array([load.gradients for load in network.paths])
+    shape = gradients.shape[:2]
+    converged = np.array([[state.converged for state in states] for states in followed])
+    position = np.array([[network.solver.node_position(state) for state in states] for states in followed])
+    stretch = np.array([[state.point.stretches for state in states] for states in followed])
+    arrays = {
+        "node_position": np.where(converged.reshape(*shape, 1, 1), position, np.nan),
+        "fiber_stretch": np.where(converged.reshape(*shape, 1), stretch, np.nan),
+        "fiber_nodes": network.solver.assembly.network.fiber_nodes,
+        "averaged_stretch": averaged_stretch(gradients, network.structure_tensor),
+        "deformation_gradient": gradients,
+    }
+    loads = np.array([load.name for load in network.paths], dtype=object)
+    coords = {"deformation": loads, "step": np.arange(shape[1])}
+    datasets.write(datasets.packed(arrays, datasets.STATES, coords), outputs["states"], "states", params)

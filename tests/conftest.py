@@ -1,0 +1,38 @@
+"""Networks that several tests share: small ones, made as the study makes them."""
+
+import numpy as np
+import pytest
+
+from fibrous.networks.equilibrium import EquilibriumSolver
+from fibrous.networks.fiber_law import FiberLaw
+from fibrous.networks.generation import delaunay_network, network_seed
+from fibrous.networks.network import Network, total_length
+
+
+def small_network(
+    seed: int = 0, H: tuple[float, float, float] = (0.6, 0.25, 0.15), edge_length_um: float = 10.0
+) -> Network:
+    """A Delaunay network of the study's constants in a smaller cube."""
+    length = total_length(0.04, edge_length_um, 0.1)
+    return delaunay_network(np.diag(H), length, network_seed(7, "test", seed), tolerance=0.01)
+
+
+@pytest.fixture(scope="session")
+def network() -> Network:
+    return small_network()
+
+
+@pytest.fixture(scope="session")
+def solver(network) -> EquilibriumSolver:
+    return EquilibriumSolver.of(network, FiberLaw(2.5))
+
+
+@pytest.fixture(scope="session")
+def tight_solver(network) -> EquilibriumSolver:
+    """Converged to rounding, for comparisons with differences of the stress."""
+    return EquilibriumSolver.of(network, FiberLaw(2.5), residual_tolerance=1e-14)
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(11)

@@ -1,0 +1,163 @@
+"""Generated networks against the theory of stretched isotropic clouds and Poisson-Delaunay tessellations."""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+from scipy.special import elliprg
+
+from fibrous.errors import NetworkError
+from fibrous.networks import generation
+from fibrous.networks.generation import (
+    alignment_targets,
+    delaunay_network,
+    expected_structure_tensor,
+    network_seed,
+    stretch_tensor_for,
+    stretches_for,
+)
+from fibrous.networks.network import connected_to_boundary, structure_tensor, total_length, volume_fraction
+
+LENGTH = total_length(0.04, 20.0, 0.1)
+
+
+def test_expected_alignment_is_the_logarithmic_slope_of_carlsons_integral():
+    """The mean length of a stretched unit vector is R_G(s²), and H_i = 2 ∂ ln R_G/∂ ln s_i²."""
+    squares = np.array([4.0, 0.7, 0.4])
+    step = 1e-5
+    slopes = []
+    for axis in range(3):
+        up, down = squares.copy(), squares.copy()
+        up[axis] *= np.exp(step)
+        down[axis] *= np.exp(-step)
+        slopes.append((np.log(elliprg(*up)) - np.log(elliprg(*down))) / (2.0 * step))
+    np.testing.assert_allclose(expected_structure_tensor(np.sqrt(squares)), 2.0 * np.array(slopes), rtol=1e-8)
+
+
+@pytest.mark.parametrize("wanted", [(1 / 3, 1 / 3, 1 / 3), (0.69, 0.21, 0.10), (0.33, 0.05, 0.62), (0.80, 0.05, 0.15)])
+def test_stretches_invert_the_expectation(wanted):
+    stretches = stretches_for(np.array(wanted))
+    np.testing.assert_allclose(expected_structure_tensor(stretches), wanted, atol=1e-9)
+    assert stretches.prod() == pytest.approx(1.0, rel=1e-12)
+
+
+def test_stretched_random_directions_have_the_expected_alignment(rng):
+    wanted = np.array([0.6, 0.3, 0.1])
+    directions = rng.normal(size=(400_000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    np.testing.assert_allclose(structure_tensor(directions * stretches_for(wanted)), np.diag(wanted), atol=3e-3)
+
+
+def test_a_rotated_target_is_met_in_its_own_frame():
+    angle = 0.5
+    R = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    target = R @ np.diag([0.69, 0.21, 0.10]) @ R.T
+    np.testing.assert_allclose(
+        stretch_tensor_for(target), R @ stretch_tensor_for(np.diag([0.69, 0.21, 0.10])) @ R.T, atol=1e-9
+    )
+    network = delaunay_network(target, LENGTH, 5, 0.002)
+    np.testing.assert_allclose(structure_tensor(network.fiber_vectors), target, atol=0.002)
+
+
+@pytest.fixture(scope="module", params=[(0.69, 0.21, 0.10), (0.35, 0.32, 0.33), (0.36, 0.12, 0.52), (0.74, 0.14, 0.12)])
+def full(request):
+    return delaunay_network(np.diag(request.param), LENGTH, network_seed(1, "test", 3), 0.002), np.diag(request.param)
+
+
+def test_alignment_and_volume_fraction_are_met(full):
+    network, target = full
+    np.testing.assert_allclose(structure_tensor(network.fiber_vectors), target, atol=0.002)
+    assert volume_fraction(network, 20.0, 0.1) == pytest.approx(0.04, rel=1e-9)
+
+
+def test_size_and_coordination_are_those_of_the_laboratorys_networks(full):
+    network, _ = full
+    assert 2_200 < len(network.fiber_nodes) < 3_800
+    assert 14.8 < network.interior_coordination < 16.2
+
+
+def test_fibers_fill_the_cube_and_boundary_nodes_lie_on_its_faces(full):
+    network, _ = full
+    farthest = np.abs(network.node_position).max(axis=1)
+    np.testing.assert_array_equal(farthest[network.node_is_boundary], 0.5)
+    assert (farthest[~network.node_is_boundary] <= 0.5 - generation.SNAP).all()
+    for axis in range(3):
+        for face in (-0.5, 0.5):
+            assert (network.node_position[:, axis] == face).sum() > 30
+
+
+def test_fibers_through_two_faces_are_kept(full):
+    network, _ = full
+    through = network.node_is_boundary[network.fiber_nodes].all(axis=1)
+    assert through.sum() > 50
+
+
+def test_nothing_floats_repeats_or_vanishes(full):
+    network, _ = full
+    assert connected_to_boundary(network).all()
+    assert network.fiber_lengths.min() > 1e-6
+    assert len(np.unique(np.sort(network.fiber_nodes, axis=1), axis=0)) == len(network.fiber_nodes)
+    np.testing.assert_array_equal(np.unique(network.fiber_nodes), np.arange(len(network.node_position)))
+    interior = network.node_position[~network.node_is_boundary]
+    assert cKDTree(interior).query(interior, k=2)[0][:, 1].min() > 1e-9
+
+
+def test_fibers_inside_are_delaunay_edges_of_their_own_preimage(full):
+    """Undo the stretch: around an edge of a Delaunay tessellation some sphere through its ends holds no other node."""
+    network, target = full
+    inside = network.node_position[~network.node_is_boundary] @ np.linalg.inv(stretch_tensor_for(target))
+    number = np.cumsum(~network.node_is_boundary) - 1
+    ends = network.fiber_nodes[~network.node_is_boundary[network.fiber_nodes].any(axis=1)]
+    ends = number[ends]
+    middle = inside[ends].mean(axis=1)
+    half = 0.5 * np.linalg.norm(np.diff(inside[ends], axis=1)[:, 0], axis=1)
+    # Every pair whose smallest sphere is empty (a Gabriel pair) is a Delaunay edge, so it must be a fibre.
+    pairs = cKDTree(inside).query_pairs(half.max() * 1.2, output_type="ndarray")
+    known = {tuple(pair) for pair in np.sort(ends, axis=1).tolist()}
+    tree = cKDTree(inside)
+    deep = np.abs(network.node_position[~network.node_is_boundary]).max(axis=1) < 0.3
+    checked = 0
+    for first, second in pairs:
+        if deep[first] and deep[second]:
+            radius = 0.5 * np.linalg.norm(inside[first] - inside[second])
+            if len(tree.query_ball_point(0.5 * (inside[first] + inside[second]), radius * (1 - 1e-9))) == 0:
+                checked += 1
+                assert (min(first, second), max(first, second)) in known
+    assert checked > 20
+    assert len(middle) == len(ends)
+
+
+def test_a_network_is_a_function_of_seed_and_number():
+    one, two = (delaunay_network(np.diag([0.6, 0.3, 0.1]), 127.0, network_seed(3, "e", 4), 0.01) for _ in range(2))
+    np.testing.assert_array_equal(one.node_position, two.node_position)
+    np.testing.assert_array_equal(one.fiber_nodes, two.fiber_nodes)
+    seeds = {network_seed(s, e, k) for s in (3, 4) for e in ("delaunay", "named") for k in range(50)}
+    assert len(seeds) == 200
+
+
+def test_targets_cover_the_admissible_alignments_evenly():
+    targets = alignment_targets(np.arange(600), 2021, (0.33, 0.80), 0.05)
+    H11, H22, H33 = targets[:, 0, 0], targets[:, 1, 1], targets[:, 2, 2]
+    np.testing.assert_allclose(H11 + H22 + H33, 1.0, atol=1e-15)
+    assert H11.min() >= 0.33
+    assert H11.max() <= 0.80
+    assert min(H22.min(), H33.min()) >= 0.05 - 1e-15
+    assert (H33 > H11).any()
+    # Uniform over the trapezoid: the share left of H11 = h, and of each half of the room of H22, follows its area.
+    for h in (0.4, 0.5, 0.6, 0.7):
+        share = (0.57**2 - (0.9 - h) ** 2) / (0.57**2 - 0.10**2)
+        assert (h >= H11).mean() == pytest.approx(share, abs=0.01)
+    assert (H33 > H22).mean() == pytest.approx(0.5, abs=0.01)
+
+
+def test_targets_do_not_depend_on_how_many_are_asked_for():
+    all_of_them = alignment_targets(np.arange(40), 9, (0.33, 0.80), 0.05)
+    np.testing.assert_array_equal(all_of_them[[7, 31]], alignment_targets(np.array([7, 31]), 9, (0.33, 0.80), 0.05))
+
+
+def test_what_cannot_be_generated_says_why():
+    with pytest.raises(NetworkError, match="no cloud can be stretched"):
+        delaunay_network(np.diag([0.9, 0.2, -0.1]), LENGTH, 0, 0.01)
+    with pytest.raises(NetworkError, match="fewer than four nodes"):
+        delaunay_network(np.eye(3) / 3.0, 5.0, 0, 0.01)
+    with pytest.raises(NetworkError, match="alignment_tolerance"):
+        delaunay_network(np.diag([0.6, 0.3, 0.1]), 60.0, 0, 1e-9)
