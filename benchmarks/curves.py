@@ -74,7 +74,7 @@ def factor_and_solve(network, nonlinearity: float, repeats: int = 9) -> float:
 
 def main() -> None:
     """Run, compare, print."""
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 25
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 30
     config = yaml.safe_load((ROOT / "config/config.yaml").read_text(encoding="utf-8"))
     numbers = np.linspace(0, config["delaunay"]["networks"] - 1, count).astype(int).tolist()
     shared = {key: config[key] for key in ("seed", "fiber", "cube")}

@@ -53,10 +53,13 @@ class State:
 
 @dataclass(frozen=True)
 class _Reached:
-    """A state, the factor of its Hessian while that is valid, and the prediction that led to it."""
+    """A state, the factor of its Hessian (valid until the next one is made), and the prediction that led to it.
+
+    Only a state that did not converge has an empty factor.
+    """
 
     state: State
-    factor: Array | None
+    factor: Array
     #: gradient and displacement of the state before, and the rate ∂u/∂F : ΔF there, for the same ΔF
     before: tuple[Array, Array, Array] | None = None
 
@@ -103,7 +106,7 @@ class EquilibriumSolver:
     def equilibrium(self, gradient: Array, near: State | None = None) -> State:
         """The state at F, shape (3, 3), reached from a converged state at another F, or from rest."""
         with _reproducible():
-            here = self._rest() if near is None else self._refactored(_Reached(near, None))
+            here = self._rest() if near is None else self._refactored(near)
             return self._reach(here, np.ascontiguousarray(gradient, dtype=float), 0).state
 
     def node_position(self, state: State) -> Array:
@@ -115,10 +118,7 @@ class EquilibriumSolver:
     def condensed_tangent(self, state: State) -> Array:
         """∂P/∂F of `Assembly.condensed_tangent` at a converged state; raises ConvergenceError at any other."""
         with _reproducible():
-            factor = self.assembly.factor(state.point) if state.converged else None
-            if factor is None:
-                raise ConvergenceError("a tangent was asked for at a state that is no stable equilibrium")
-            return self.assembly.condensed_tangent(state.point, factor)
+            return self.assembly.condensed_tangent(state.point, self._refactored(state).factor)
 
     def _rest(self) -> _Reached:
         point = self.assembly.evaluate(np.eye(3), np.zeros((self.assembly.size + 1, 3)))
@@ -133,31 +133,34 @@ class EquilibriumSolver:
 
     def _reach(self, here: _Reached, gradient: Array, depth: int) -> _Reached:
         start, rate = self._predicted(here, gradient)
-        there = self._newton(gradient, start)
+        there = self._newton(start)
         if there.state.converged:
             point = here.state.point
             return replace(there, before=(point.gradient, point.displacement, rate))
         if depth == self.largest_number_of_cuts:
             return there
-        here = self._refactored(here)
+        here = self._refactored(here.state)
         middle = self._reach(here, 0.5 * (here.state.point.gradient + gradient), depth + 1)
         end = self._reach(replace(middle, before=None), gradient, depth + 1) if middle.state.converged else there
         spent = there.state.iterations + middle.state.iterations + (end.state.iterations if end is not there else 0)
         cuts = 1 + middle.state.cuts + end.state.cuts
         return replace(end, state=replace(end.state, iterations=spent, cuts=cuts), before=None)
 
-    def _refactored(self, here: _Reached) -> _Reached:
-        return _Reached(here.state, self.assembly.factor(here.state.point))
+    def _refactored(self, state: State) -> _Reached:
+        factor = self.assembly.factor(state.point) if state.converged else None
+        if factor is None:
+            raise ConvergenceError(
+                "the state is no stable equilibrium, so it has no tangent; start from a converged one"
+            )
+        return _Reached(state, factor)
 
-    def _predicted(self, here: _Reached, gradient: Array) -> tuple[Array, Array]:
-        """Displacement to start from at F, and the rate ∂u/∂F : ΔF at `here`.
+    def _predicted(self, here: _Reached, gradient: Array) -> tuple[Point, Array]:
+        """The point to start from at F, and the rate ∂u/∂F : ΔF at `here`.
 
         The tangent prediction, or the cubic through the last two states and their rates, whichever leaves the
         smaller residual. The cubic is written so that it is exact where u is linear in F.
         """
         assembly, point = self.assembly, here.state.point
-        if here.factor is None:
-            return point.displacement, np.zeros(3 * assembly.size)
         forward = assembly.displacement_rate(point, here.factor, gradient - point.gradient)
         moves = [forward]
         if here.before is not None:
@@ -165,41 +168,46 @@ class EquilibriumSolver:
             backward = assembly.displacement_rate(point, here.factor, point.gradient - gradient_before)
             bend = (displacement_before - point.displacement)[:-1].ravel() + backward
             moves.append(forward + 5.0 * bend + 2.0 * (rate_before - backward))
-        starts = [assembly.moved(point.displacement, _limited(move)) for move in moves]
-        return min(starts, key=lambda start: _norm(assembly.evaluate(gradient, start))), forward
+        starts = [assembly.evaluate(gradient, assembly.moved(point.displacement, _limited(move))) for move in moves]
+        return min(starts, key=_norm), forward
 
-    def _newton(self, gradient: Array, start: Array) -> _Reached:
-        assembly = self.assembly
-        point = assembly.evaluate(gradient, start)
+    def _newton(self, start: Point) -> _Reached:
+        assembly, point = self.assembly, start
+        factor, norm_before = None, np.inf
         for iteration in range(self.largest_number_of_iterations + 1):
-            if not np.isfinite(_norm(point)):
+            norm = _norm(point)
+            if norm == np.inf:
                 break
-            factor = assembly.factor(point)
-            small = _norm(point) <= self.residual_tolerance * np.sqrt(len(point.residual)) * point.force_scale
-            if small and factor is not None:
+            tolerance = self.residual_tolerance * np.sqrt(len(point.residual)) * point.force_scale
+            # Where a step shrank the residual so much that another with the same factor will do, no new one is made.
+            if factor is None or norm <= tolerance or norm * (norm / norm_before) ** 2 > tolerance:
+                factor = assembly.factor(point)
+            if norm <= tolerance and factor is not None:
                 return _Reached(State(point, True, iteration), factor)
             if iteration == self.largest_number_of_iterations:
                 break
-            move = (
-                self._unstable_direction(point)
-                if small
-                else -assembly.solve(self._definite(point, factor), point.residual)
-            )
+            if norm <= tolerance:
+                move = self._unstable_direction(point)
+            else:
+                definite = factor if factor is not None else self._blended_factor(point)
+                if definite is None:
+                    break
+                move = -assembly.solve(definite, point.residual)
             lower = self._line_search(point, _limited(move), definite=factor is not None)
             if lower is None:
                 break
-            point = lower
-        return _Reached(State(point, False, iteration), None)
+            point, norm_before = lower, norm
+        return _Reached(State(point, False, iteration), np.empty((0, 0)))
 
-    def _definite(self, point: Point, factor: Array | None) -> Array:
-        """The factor itself, or that of the Hessian with the least share of negative tension left out it needs."""
+    def _blended_factor(self, point: Point) -> Array | None:
+        """Factor of the Hessian with the least share of negative tension left out that makes it positive definite."""
         share = FIRST_SHARE
-        while factor is None:
+        while share < 3.0:
             factor = self.assembly.factor(point, min(share, 1.0))
-            if factor is None and share >= 1.0:
-                raise ConvergenceError("a network without negative tension has a singular Hessian: it is a mechanism")
+            if factor is not None:
+                return factor
             share *= 3.0
-        return factor
+        return None
 
     def _unstable_direction(self, point: Point) -> Array:
         """Eigenvector of the least eigenvalue, as long as the largest move, pointing down where there is a slope."""
