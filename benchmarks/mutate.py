@@ -1,0 +1,157 @@
+"""Flips a sign in a numerical module and asks the tests whether they notice.
+
+    python benchmarks/mutate.py
+
+Each mutation replaces one text, which occurs once, in a copy of the project; the tests named beside it must then
+fail. Prints one line a mutation and exits with 1 where one survives.
+"""
+
+import shutil
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@dataclass(frozen=True)
+class Mutation:
+    """One sign flip: the module under src/fibrous, the text, its replacement, the test file that must notice."""
+
+    name: str
+    module: str
+    text: str
+    flipped: str
+    tests: str
+
+
+MUTATIONS = [
+    Mutation(
+        "Green strain of the fibre law",
+        "networks/fiber_law.py",
+        "growth = np.expm1(0.5 * self.nonlinearity * (cut * cut - 1.0))",
+        "growth = np.expm1(0.5 * self.nonlinearity * (cut * cut + 1.0))",
+        "test_fiber_law.py",
+    ),
+    Mutation(
+        "closed form of the fibre energy",
+        "networks/fiber_law.py",
+        "dawsn(root * cut) - dawsn(root)",
+        "dawsn(root * cut) + dawsn(root)",
+        "test_fiber_law.py",
+    ),
+    Mutation(
+        "force at a fibre's tail",
+        "networks/kernels.py",
+        "residual[tails[m], i] -= forces[m, i]",
+        "residual[tails[m], i] += forces[m, i]",
+        "test_equilibrium.py",
+    ),
+    Mutation(
+        "coupling of two nodes in the Hessian",
+        "networks/kernels.py",
+        "band[3 * tail + j, 3 * (head - tail) + i - j] -= block",
+        "band[3 * tail + j, 3 * (head - tail) + i - j] += block",
+        "test_equilibrium.py",
+    ),
+    Mutation(
+        "tension in the axial stiffness",
+        "networks/assembly.py",
+        "axial = (stiffness / self.lengths - tension)",
+        "axial = (stiffness / self.lengths + tension)",
+        "test_equilibrium.py",
+    ),
+    Mutation(
+        "static condensation",
+        "networks/assembly.py",
+        "(direct - coupling.T @ self.solve(factor, coupling))",
+        "(direct + coupling.T @ self.solve(factor, coupling))",
+        "test_homogenization.py",
+    ),
+    Mutation(
+        "tangent prediction",
+        "networks/assembly.py",
+        "return -self.solve(factor, self._residual_rate(point, gradient_rate)[1])",
+        "return self.solve(factor, self._residual_rate(point, gradient_rate)[1])",
+        "test_equilibrium.py",
+    ),
+    Mutation(
+        "stability: an indefinite Hessian accepted",
+        "networks/assembly.py",
+        "return factor if info == 0 else None",
+        "return factor if info >= 0 else None",
+        "test_equilibrium.py",
+    ),
+    Mutation(
+        "averaged stretch of the matched load",
+        "deformation.py",
+        "structure_tensor)) - target",
+        "structure_tensor)) + target",
+        "test_deformation.py",
+    ),
+    Mutation(
+        "direction of simple shear",
+        "deformation.py",
+        "gradient[..., self.axes[1], self.axes[0]] = magnitude",
+        "gradient[..., self.axes[1], self.axes[0]] = -magnitude",
+        "test_deformation.py",
+    ),
+    Mutation(
+        "correction of the alignment asked for",
+        "networks/generation.py",
+        "asked = asked - error",
+        "asked = asked + error",
+        "test_generation.py",
+    ),
+    Mutation(
+        "area of the alignments left of H11",
+        "networks/generation.py",
+        "first = room - np.sqrt(",
+        "first = room + np.sqrt(",
+        "test_generation.py",
+    ),
+]
+
+
+def survives(mutation: Mutation, copy: Path) -> bool:
+    """Whether the tests pass with the sign flipped. The text must occur once, so that the list cannot go stale."""
+    module = copy / "src" / "fibrous" / mutation.module
+    source = module.read_text(encoding="utf-8")
+    if source.count(mutation.text) != 1:
+        raise SystemExit(
+            f"{mutation.name}: '{mutation.text}' occurs {source.count(mutation.text)} times; mend the list"
+        )
+    module.write_text(source.replace(mutation.text, mutation.flipped), encoding="utf-8")
+    try:
+        command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", f"tests/{mutation.tests}"]
+        # The copy's sources come first, before the installed package.
+        return (
+            subprocess.run(command, cwd=copy, env={"PYTHONPATH": str(copy / "src")}, capture_output=True).returncode
+            == 0
+        )
+    finally:
+        module.write_text(source, encoding="utf-8")
+
+
+def main() -> int:
+    """Try every mutation in a copy of the project; the number that survive."""
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / "project"
+        copy.mkdir()
+        for name in ("src", "tests", "config", "workflow"):
+            shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
+        for name in ("pyproject.toml", "Snakefile"):
+            shutil.copy(ROOT / name, copy / name)
+        alive = 0
+        for mutation in MUTATIONS:
+            lives = survives(mutation, copy)
+            alive += lives
+            print(f"{'SURVIVED' if lives else 'red'}: {mutation.name} ({mutation.module})", flush=True)
+    print(f"{len(MUTATIONS) - alive} of {len(MUTATIONS)} sign flips turn a test red")
+    return alive
+
+
+if __name__ == "__main__":
+    sys.exit(min(main(), 1))
