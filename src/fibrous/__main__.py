@@ -1,4 +1,4 @@
-"""``python -m fibrous check [--config FILE]``: do the results here belong to the present config and code?"""
+"""``python -m fibrous check``: do the results belong to the present config and code? ``describe``: what they hold."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from fibrous.check import check
+from fibrous.documentation import described
 from fibrous.errors import FibrousError
 from fibrous.study.configuration import loaded
 
@@ -17,7 +18,11 @@ def main(arguments: list[str] | None = None) -> int:
     commands = parser.add_subparsers(dest="command", required=True)
     checking = commands.add_parser("check", help="compare the results in this folder with the present config and code")
     checking.add_argument("--config", type=Path, help="a config file merged over the default one, as for the run")
+    commands.add_parser("describe", help="print what every file of the study holds, as Markdown")
     given = parser.parse_args(arguments)
+    if given.command == "describe":
+        print(described(), end="")
+        return 0
     try:
         lines, total = check(loaded(given.config), Path())
     except FibrousError as error:

@@ -124,7 +124,7 @@ def write(dataset: xr.Dataset, path: Path, kind: str, params: Mapping[str, Any])
         dataset[name].attrs.update(units=variable.units, long_name=variable.long_name)
     dataset.attrs.update(kind=kind, **attributes(params))
     encoding = {name: {"zlib": True, "complevel": 1} for name, variable in declared.items() if variable.kind != "U"}
-    _place(bytes(dataset.to_netcdf(engine="h5netcdf", encoding=encoding)), path)
+    place(bytes(dataset.to_netcdf(engine="h5netcdf", encoding=encoding)), path)
 
 
 def read(path: Path, kind: str) -> xr.Dataset:
@@ -145,8 +145,8 @@ def read(path: Path, kind: str) -> xr.Dataset:
 
 def write_table(table: pd.DataFrame, path: Path, params: Mapping[str, Any]) -> None:
     """Write a CSV whole, with its provenance beside it as ``{path}.json``. Raises DatasetError where it cannot."""
-    _place(json.dumps(attributes(params), indent=1).encode(), Path(f"{path}.json"))
-    _place(table.to_csv(index=False).encode(), path)
+    place(json.dumps(attributes(params), indent=1).encode(), Path(f"{path}.json"))
+    place(table.to_csv(index=False).encode(), path)
 
 
 def read_table(path: Path, columns: tuple[str, ...]) -> pd.DataFrame:
@@ -173,8 +173,8 @@ def _check(dataset: xr.Dataset, declared: Mapping[str, Variable], path: Path) ->
             raise DatasetError(f"{path}: '{name}' holds numbers of kind '{kind}', not '{variable.kind}'")
 
 
-def _place(content: bytes, path: Path) -> None:
-    """Write beside, then rename: the file appears whole or not at all."""
+def place(content: bytes, path: Path) -> None:
+    """Write `content` to `path` whole or not at all: beside it, then renamed. Raises DatasetError if it cannot."""
     path = Path(path)
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:

@@ -1,0 +1,115 @@
+"""What every file of the study holds, for the page `docs/files.md`: variables from datasets.py, columns from here.
+
+Apart from datasets.py, so that rewording a meaning does not count as a change of the code that made the results.
+"""
+
+from __future__ import annotations
+
+from fibrous.datasets import KINDS
+
+# Columns of the tables, with unit and meaning; the unit of one with a dimension is in its name, too.
+_FIT = {
+    "network": ("1", "number of the network in its ensemble"),
+    "load_set": ("", "load set fitted, or `single` for one load"),
+    "deformation": ("", "load fitted, or `all` for those of the load set, pooled"),
+    "energy": ("", "form of the energy fitted: `structure_tensor` is Eq. 2"),
+    "objective": ("", "what was fitted: `energy`, or its `slope` in λ_f"),
+    **dict.fromkeys(("H11", "H22", "H33", "H12", "H13", "H23"), ("1", "component of the structure tensor")),
+    "lambda_f_max": ("1", "amplitude: largest averaged stretch fitted"),
+    "C2_MPa": ("MPa", "C2 of Eq. 2"),
+    "C3": ("1", "C3 of Eq. 2"),
+    "C2_half_width_MPa": ("MPa", "95 % half-width; empty at a bound"),
+    "C3_half_width": ("1", "95 % half-width; empty at a bound"),
+    "r_squared": ("1", "coefficient of determination of the objective"),
+    "rule": ("", "`energy`, `slope`, `zero` (λ_f never above 1, section 2.5) or `none` (nothing converged above 1)"),
+    "identifiable": ("1", "whether both constants lie inside their bounds and the points tell them apart"),
+    "points_used": ("1", "states fitted"),
+    "points_dropped": ("1", "states with λ_f ≤ 1 or without an equilibrium"),
+    "name": ("", "name of the network, empty in an ensemble without names"),
+}
+_AMPLITUDE = {
+    "protocol": ("", "protocol of the fits behind the surface"),
+    "load_set": ("", "load set of the fits behind the surface"),
+    "lambda_f_max_least": ("1", "least amplitude among the networks fitted"),
+    "lambda_f_max_largest": ("1", "largest amplitude among the networks fitted"),
+}
+_R_SQUARED = {
+    f"{name}{check}r_squared": ("1", f"{meaning} R² of the surface of {name.replace('_', ' ')}")
+    for name in ("C2_", "C3_nine_terms_", "C3_eight_terms_")
+    for check, meaning in (("", "the"), ("cross_validated_", "cross-validated"))
+}
+TABLES: dict[str, dict[str, tuple[str, str]]] = {
+    "fits/{ensemble}/{protocol}.csv": _FIT,
+    "tables/table_1.csv": {
+        **_AMPLITUDE,
+        "networks": ("1", "networks fitted"),
+        "networks_with_C2_at_bound": ("1", "of them, those whose C2 is 0"),
+        "networks_with_C3_at_bound": ("1", "of them, those whose C3 is 0 or the largest allowed"),
+        "ij": ("", "powers of H11 and H22 in Eq. 11"),
+        "alpha_MPa": ("MPa", "coefficient of C2, ours"),
+        "alpha_half_width_MPa": ("MPa", "its 95 % half-width"),
+        "alpha_paper_MPa": ("MPa", "coefficient of C2, as printed"),
+        "alpha_paper_half_width_MPa": ("MPa", "its half-width, as printed"),
+        "beta_nine_terms": ("1", "coefficient of C3 with all nine terms"),
+        "beta_nine_terms_half_width": ("1", "its 95 % half-width"),
+        "beta_eight_terms": ("1", "coefficient of C3 without the term 22, as the paper has it"),
+        "beta_eight_terms_half_width": ("1", "its 95 % half-width"),
+        "beta_paper": ("1", "coefficient of C3, as printed"),
+        "beta_paper_half_width": ("1", "its half-width, as printed"),
+        **_R_SQUARED,
+        "C2_r_squared_paper": ("1", "R² of the surface of C2, as printed"),
+        "C3_r_squared_paper": ("1", "R² of the surface of C3, as printed"),
+    },
+    "tables/surface_over_triangle.csv": {
+        "surface": ("", "ours with nine or eight terms for C3, or Table 1 as printed or with its indices swapped"),
+        **_AMPLITUDE,
+        "over": ("", "an alignment, or the region over which the row sums up"),
+        "H11": ("1", "alignment evaluated"),
+        "H22": ("1", "alignment evaluated"),
+        "C2_MPa": ("MPa", "C2 there"),
+        "C3": ("1", "C3 there"),
+        "C2_negative_fraction": ("1", "share of the region's area with C2 < 0"),
+        "C2_least_MPa": ("MPa", "least C2 over the region"),
+        "C2_largest_MPa": ("MPa", "largest C2 over the region"),
+        "C3_negative_fraction": ("1", "share of the region's area with C3 < 0"),
+        "C3_least": ("1", "least C3 over the region"),
+        "C3_largest": ("1", "largest C3 over the region"),
+    },
+    "tables/convergence.csv": {
+        "ensemble": ("", "ensemble of a state without an equilibrium"),
+        "protocol": ("", "its protocol"),
+        "network": ("1", "its network's number"),
+        "name": ("", "its network's name"),
+        "load": ("", "its load"),
+        "step": ("1", "its step"),
+        "amplitude_limited": ("1", "whether the load was cut at the principal stretch's limit"),
+        "newton_iterations": ("1", "iterations spent on it"),
+    },
+}
+PLACES = {
+    "networks": "networks/{ensemble}/{batch}.nc",
+    "curves": "curves/{ensemble}/{protocol}/{batch}.nc",
+    "states": "states/{ensemble}/{network}_{protocol}.nc",
+    "surface": "tables/surface.nc",
+}
+
+
+def described() -> str:
+    """Every file of the study with its variables, dimensions, units and meanings, as a page of Markdown."""
+    lines = [
+        "# What the files hold",
+        "",
+        "Generated by `python -m fibrous describe`. Paths are under `results/`. Axis indices 0, 1, 2 are x, y, z;",
+        "lengths of networks are in edges of the unit cube. Attributes of NetCDF files, and the `.json` beside tables,",
+        "hold stage, config, hashes, seed, versions, CPU seconds and peak memory of the process that wrote them.",
+    ]
+    for kind, declared in KINDS.items():
+        lines += ["", f"## `{PLACES[kind]}`", "", "| variable | dimensions | unit | meaning |", "|---|---|---|---|"]
+        lines += [
+            f"| `{name}` | {', '.join(one.dims)} | {one.units or 'text'} | {one.long_name} |"
+            for name, one in declared.items()
+        ]
+    for place, columns in TABLES.items():
+        lines += ["", f"## `{place}`", "", "| column | unit | meaning |", "|---|---|---|"]
+        lines += [f"| `{name}` | {unit or 'text'} | {meaning} |" for name, (unit, meaning) in columns.items()]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,1 @@
+"""One module a figure; the only place that draws."""

@@ -1,0 +1,1 @@
+"""Constitutive constants from curves of networks, and the constants as a function of alignment."""

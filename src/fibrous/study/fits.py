@@ -1,0 +1,120 @@
+"""Rule `fits`: (C2, C3) of every network of an ensemble under one protocol, for each load set and each load alone."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from fibrous import datasets
+from fibrous.errors import ConfigError, DatasetError
+from fibrous.fitting.hgo import HGOFit, fit_curves
+
+SINGLE = "single"  # load set of a fit to one load
+ALL = "all"  # deformation of a fit to all loads of a load set
+TENSOR_COLUMNS = {"H11": (0, 0), "H22": (1, 1), "H33": (2, 2), "H12": (0, 1), "H13": (0, 2), "H23": (1, 2)}
+
+
+def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
+    """Read `curves` (all batches), write `fits`; the config holds `fit`, `load_sets` and the name of the `protocol`.
+
+    One row a network, load set (deformation `all`) and load (load set `single`), sorted by network, then as in the
+    config. States without an equilibrium are left out and named on stderr.
+    Raises DatasetError where the batches do not belong together, ConfigError where a load set asks for a load that
+    the protocol did not run.
+    """
+    config = params["config"]
+    batches = [datasets.read(path, "curves") for path in inputs["curves"]]
+    loads = _common_loads(batches, inputs["curves"])
+    groups = _groups(config["load_sets"], loads, config["protocol"])
+    rows = [
+        row
+        for batch in batches
+        for index in range(batch.sizes["network"])
+        for row in _rows(batch.isel(network=index), groups, config["fit"])
+    ]
+    table = pd.DataFrame(rows).sort_values("network", kind="stable", ignore_index=True)
+    _refuse_duplicates(table, inputs["curves"])
+    datasets.write_table(table, outputs["fits"], params)
+
+
+def _common_loads(batches: list[xr.Dataset], paths: list[Path]) -> list[str]:
+    loads = [[str(name) for name in batch["deformation"].values] for batch in batches]
+    for path, found in zip(paths, loads, strict=True):
+        if found != loads[0]:
+            raise DatasetError(f"{path}: holds other deformations than {paths[0]}; delete the curves and run again")
+    return loads[0]
+
+
+def _groups(load_sets: list[dict[str, Any]], loads: list[str], protocol: str) -> list[tuple[str, str, list[int]]]:
+    """(load_set, deformation, indices of the loads) of every fit, in the order of the table."""
+    groups = []
+    for load_set in load_sets:
+        for load in load_set["loads"]:
+            if load not in loads:
+                raise ConfigError(
+                    f"load_sets: '{load_set['name']}' asks for {load}, which protocol '{protocol}' does not run: "
+                    "add it to the protocol's loads"
+                )
+        groups.append((load_set["name"], ALL, [loads.index(load) for load in load_set["loads"]]))
+    return groups + [(SINGLE, load, [index]) for index, load in enumerate(loads)]
+
+
+def _rows(
+    curves: xr.Dataset, groups: list[tuple[str, str, list[int]]], fit: Mapping[str, float]
+) -> list[dict[str, Any]]:
+    """The table's rows of one network."""
+    network, name = int(curves["network"]), str(curves["name"].item())
+    stretch, converged = curves["averaged_stretch"].values, curves["converged"].values
+    energy = np.where(converged, curves["strain_energy_density"].values, np.nan)
+    tensor = curves["structure_tensor"].values
+    for load, step in np.argwhere(~converged):
+        _say_left_out(network, name, str(curves["deformation"].values[load]), int(step))
+    alignment = {column: float(tensor[index]) for column, index in TENSOR_COLUMNS.items()}
+    return [
+        {
+            "network": network,
+            "load_set": load_set,
+            "deformation": deformation,
+            "energy": "structure_tensor",
+            **_columns(fit_curves(stretch[loads], energy[loads], **fit), alignment),
+            "name": name,
+        }
+        for load_set, deformation, loads in groups
+    ]
+
+
+def _say_left_out(network: int, name: str, load: str, step: int) -> None:
+    called = f"network {network} ({name})" if name else f"network {network}"
+    print(
+        f"{called}, {load}, step {step}: no equilibrium was found; the state is left out of the fits", file=sys.stderr
+    )
+
+
+def _columns(fit: HGOFit, alignment: Mapping[str, float]) -> dict[str, Any]:
+    return {
+        "objective": fit.objective,
+        **alignment,
+        "lambda_f_max": fit.largest_stretch,
+        "C2_MPa": fit.C2,
+        "C3": fit.C3,
+        "C2_half_width_MPa": fit.C2_half_width,
+        "C3_half_width": fit.C3_half_width,
+        "r_squared": fit.r_squared,
+        "rule": fit.rule,
+        "identifiable": fit.identifiable,
+        "points_used": fit.points_used,
+        "points_dropped": fit.points_dropped,
+    }
+
+
+def _refuse_duplicates(table: pd.DataFrame, paths: list[Path]) -> None:
+    repeated = table["network"][table.duplicated(["network", "load_set", "deformation"])]
+    if len(repeated):
+        folder = paths[0].parent
+        raise DatasetError(f"{folder}: two batches hold network {repeated.iloc[0]}; delete the curves and run again")
