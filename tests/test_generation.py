@@ -161,3 +161,11 @@ def test_what_cannot_be_generated_says_why():
         delaunay_network(np.eye(3) / 3.0, 5.0, 0, 0.01)
     with pytest.raises(NetworkError, match="alignment_tolerance"):
         delaunay_network(np.diag([0.6, 0.3, 0.1]), 60.0, 0, 1e-9)
+
+
+@pytest.mark.parametrize("number", [98, 362, 675])
+def test_the_volume_fraction_is_exact_where_a_node_passes_the_plane_of_a_face(number):
+    """Networks of the study in which the length inside the cube jumped with its size before outer nodes counted."""
+    target = alignment_targets(np.array([number]), 2021, (0.33, 0.80), 0.05)[0]
+    network = delaunay_network(target, LENGTH, network_seed(2021, "delaunay", number), 0.002)
+    assert volume_fraction(network, 20.0, 0.1) == pytest.approx(0.04, rel=1e-9)

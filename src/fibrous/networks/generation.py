@@ -25,6 +25,8 @@ MARGIN = 3.0
 # A node nearer to a face than this many edges is put on the face. The fibre radius of the study is 0.005 edges;
 # a piece shorter than that is no fibre, and its stiffness, which grows as 1/length, would rule Newton's method.
 SNAP = 1e-3
+# Share of an edge below which a piece of it inside the cube is rounding and has no length.
+ROUNDING = 1e-12
 # Mean length of fibre per unit volume of a Poisson-Delaunay tessellation of unit density: 7.768 edges a node of mean
 # length 1.237. Only the size of the first cloud follows from it, not the network.
 LENGTH_DENSITY = 9.6
@@ -174,14 +176,19 @@ def _cut(points: Array, edges: NDArray[np.int64], total_length: float, cube: flo
 def _solve(excess: Callable[[float], float], near: float) -> float:
     for widening in (1.05, 1.1, 1.2, 1.3):
         if excess(near / widening) < 0.0 < excess(near * widening):
-            return float(brentq(excess, near / widening, near * widening, xtol=1e-15, rtol=1e-15))
+            size = float(brentq(excess, near / widening, near * widening, xtol=1e-15, rtol=1e-15))
+            if abs(excess(size)) < 1e-9:
+                return size
     raise NetworkError("the cube cannot be sized to the volume fraction")
 
 
 def _snapped(points: Array) -> NDArray[np.int64]:
-    """Face, as ±1, onto which each coordinate of a node is put; 0 for coordinates that stay. Shape (nodes, 3)."""
-    inside = (np.abs(points) <= 0.5 + SNAP).all(axis=1, keepdims=True)
-    return np.where(inside & (np.abs(np.abs(points) - 0.5) < SNAP), np.sign(points), 0.0).astype(np.int64)
+    """Face plane, as ±1, onto which each coordinate of a node is put; 0 for coordinates that stay. Shape (nodes, 3).
+
+    Nodes outside count as well: between a node on a face and one that passes the face's plane as the cube is sized, a
+    fibre would be all in or all out, and the length inside the cube would jump.
+    """
+    return np.where(np.abs(np.abs(points) - 0.5) < SNAP, np.sign(points), 0.0).astype(np.int64)
 
 
 def _on_faces(points: Array, snapped: NDArray[np.int64]) -> Array:
@@ -197,7 +204,7 @@ def _parameters(points: Array, edges: NDArray[np.int64]) -> tuple[Array, Array, 
     # A NaN is an edge that lies in a face: that face does not cut it.
     enter = np.fmax(np.fmin(one, other).max(axis=1, initial=-np.inf, where=~np.isnan(one + other)), 0.0)
     leave = np.fmin(np.fmax(one, other).min(axis=1, initial=np.inf, where=~np.isnan(one + other)), 1.0)
-    crossing = np.flatnonzero(leave - enter > 0.0)
+    crossing = np.flatnonzero(leave - enter > ROUNDING)
     return enter[crossing], leave[crossing], crossing
 
 
