@@ -1,0 +1,36 @@
+# The study of one paper, from random fibres to Table 1. `snakemake -j2` runs all of it, `snakemake -j2 figure_3` what
+# one figure needs; other targets: figure_5, figure_6, figure_7, table_1, networks, curves, fits.
+# Which part of the config a stage depends on, and which files it reads and writes: src/fibrous/study/stages.py.
+
+from snakemake.utils import min_version
+
+min_version("9.19")
+
+
+configfile: f"{workflow.basedir}/config/config.yaml"
+
+
+# The platform of the lock; ignored unless Snakemake is told to use containers.
+container: "docker://python:3.11-slim"
+
+
+include: "workflow/rules/common.smk"
+include: "workflow/rules/networks.smk"
+include: "workflow/rules/surrogates.smk"
+
+
+if config["network"] != "file":
+
+    include: "workflow/rules/figures.smk"
+
+
+rule all:
+    default_target: True
+    input:
+        [path for path, _, _ in stages.expected_files(config)],
+    message:
+        "All networks, curves, fits, tables and figures of the study"
+
+
+onsuccess:
+    print("\n".join(end_of_run()))

@@ -1,0 +1,71 @@
+"""States of the study that found no equilibrium, and loads that ended at the limit of the principal stretch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from fibrous.datasets import read, write_table
+
+COLUMNS = (
+    "ensemble",
+    "protocol",
+    "network",
+    "name",
+    "load",
+    "step",
+    "amplitude_limited",
+    "newton_iterations",
+)
+
+
+def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
+    """Write outputs["convergence"], one row for every unconverged state of inputs["curves"]."""
+    states, _ = survey(inputs["curves"])
+    write_table(states, outputs["convergence"], params)
+
+
+def survey(curves: Iterable[Path]) -> tuple[pd.DataFrame, int]:
+    """The unconverged states of the files, one row each with the columns COLUMNS, and the number of limited loads.
+
+    The files are results/curves/{ensemble}/{protocol}/{batch}.nc. Raises DatasetError where one cannot be read.
+    """
+    rows: list[tuple[Any, ...]] = []
+    limited_loads = 0
+    for path in curves:
+        dataset = read(path, "curves")
+        ensemble, protocol = path.parts[-3:-1]
+        limited = dataset["amplitude_limited"].values
+        limited_loads += int(limited.sum())
+        for i, j, k in np.argwhere(~dataset["converged"].values):
+            rows.append(
+                (
+                    ensemble,
+                    protocol,
+                    int(dataset["network"].values[i]),
+                    str(dataset["name"].values[i]),
+                    str(dataset["deformation"].values[j]),
+                    int(dataset["step"].values[k]),
+                    bool(limited[i, j]),
+                    int(dataset["newton_iterations"].values[i, j, k]),
+                )
+            )
+    return pd.DataFrame(rows, columns=list(COLUMNS)), limited_loads
+
+
+def report(curves: Iterable[Path]) -> list[str]:
+    """Lines for the end of a run: one for every unconverged state, or that there is none, and the limited loads."""
+    states, limited_loads = survey(curves)
+    lines = [
+        f"not converged: network {row['network']} {row['name']}".rstrip()
+        + f" of {row['ensemble']}, protocol {row['protocol']}, load {row['load']}, step {row['step']}"
+        + f"{' (a load cut at principal_stretch_limit)' if row['amplitude_limited'] else ''}: left out of the fits"
+        for row in states.to_dict("records")
+    ]
+    if not lines:
+        lines = ["every state converged"]
+    return [*lines, f"{limited_loads} loads were cut at principal_stretch_limit"]

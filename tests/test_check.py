@@ -1,0 +1,145 @@
+"""`python -m fibrous check`: results are compared with the present config and code by what they carry themselves."""
+
+import copy
+import json
+import shutil
+
+import pytest
+import xarray as xr
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
+
+from fibrous import provenance
+from fibrous.__main__ import main
+from fibrous.check import check
+from fibrous.study.configuration import loaded
+from fibrous.study.stages import expected_files, stage_params
+
+
+@pytest.fixture(scope="module")
+def config() -> dict:
+    small = loaded()
+    small["delaunay"] |= {"networks": 20, "batches": 2}
+    return small
+
+
+@pytest.fixture(scope="module")
+def made(config, tmp_path_factory):
+    """A results folder in which every file carries the right attributes and nothing else."""
+    folder = tmp_path_factory.mktemp("made")
+    for name, stage, wildcards in expected_files(config):
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        attributes = provenance.attributes(stage_params(stage, config, wildcards))
+        match path.suffix:
+            case ".nc":
+                xr.Dataset(attrs=attributes).to_netcdf(path, engine="h5netcdf")
+            case ".csv":
+                path.write_text("a\n")
+                (folder / f"{name}.json").write_text(json.dumps(attributes))
+            case ".png":
+                text = PngInfo()
+                text.add_text("fibrous", json.dumps(attributes))
+                Image.new("L", (8, 8)).save(path, pnginfo=text)
+            case ".svg":
+                path.write_text("<svg/>")
+    return folder
+
+
+@pytest.fixture
+def folder(made, tmp_path):
+    return shutil.copytree(made, tmp_path / "study")
+
+
+def faults(config: dict, folder) -> dict[str, str]:
+    lines, _ = check(config, folder)
+    return dict(line.split(": ", 1) for line in lines)
+
+
+def test_what_belongs_is_not_mentioned(config, made):
+    assert check(config, made) == ([], len(list(expected_files(config))))
+
+
+def test_another_config_makes_its_stage_and_what_follows_stale(config, made):
+    other = copy.deepcopy(config)
+    other["fit"]["largest_C3"] = 20.0
+    found = faults(other, made)
+    assert found["results/fits/named/large.csv"] == (
+        "stale, made with fit.largest_C3 = 50.0 where the config now says 20.0"
+    )
+    later = "stale, made from inputs that the present config or code would make differently"
+    assert found["results/tables/surface.nc"] == found["results/figures/figure_5.svg"] == later
+    assert {name.split("/")[1] for name in found} == {"fits", "tables", "figures"}
+    assert not any("figure_3" in name or "figure_7" in name or "convergence" in name for name in found)
+
+
+def test_results_made_anew_from_older_inputs_are_seen(config, folder):
+    """Only the networks are made with the new seed: whatever the files' times say, the curves are old."""
+    other = copy.deepcopy(config)
+    other["seed"] += 1
+    for name, stage, wildcards in expected_files(other):
+        if stage == "networks":
+            attributes = provenance.attributes(stage_params(stage, other, wildcards))
+            xr.Dataset(attrs=attributes).to_netcdf(folder / name, engine="h5netcdf")
+    found = faults(other, folder)
+    assert not any(name.startswith("results/networks") for name in found)
+    assert found["results/curves/named/large/00.nc"].startswith("stale, made from inputs that")
+
+
+def test_other_code_makes_stale_what_imports_it(config, made, tmp_path, monkeypatch):
+    sources = shutil.copytree(provenance.ROOT, tmp_path / "fibrous")
+    with open(sources / "study" / "fits.py", "a") as stream:
+        stream.write("# changed\n")
+    provenance.code_hash.cache_clear()
+    monkeypatch.setattr(provenance, "ROOT", sources)
+    found = faults(config, made)
+    provenance.code_hash.cache_clear()
+    assert found["results/fits/named/large.csv"] == "stale, the sources of fibrous.study.fits have changed"
+    assert found["results/tables/table_1.csv"].startswith("stale, made from inputs that")
+    assert {name.split("/")[1] for name in found} == {"fits", "tables", "figures"}
+
+
+@pytest.mark.parametrize("ending", [".nc", ".png", ".csv.json"])
+def test_a_truncated_file_is_unreadable(config, folder, ending):
+    path = next(path for path in sorted((folder / "results").rglob(f"*{ending}")))
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    name = str(path.relative_to(folder)).removesuffix(".json")
+    assert faults(config, folder)[name].startswith("unreadable (")
+
+
+def test_missing_and_foreign_files_are_named(config, folder):
+    (folder / "results/networks/named/00.nc").unlink()
+    shutil.copy(folder / "results/networks/delaunay/00.nc", folder / "results/networks/delaunay/02.nc")
+    shutil.copy(folder / "results/networks/delaunay/00.nc", folder / "results/tables/surface.nc")
+    assert faults(config, folder) == {
+        "results/networks/named/00.nc": "missing",
+        "results/networks/delaunay/02.nc": "foreign, no stage of this study writes it",
+        "results/tables/surface.nc": "foreign, written by fibrous.study.networks",
+    }
+
+
+def test_a_file_without_attributes_is_unreadable(config, folder):
+    xr.Dataset().to_netcdf(folder / "results/tables/surface.nc", engine="h5netcdf")
+    Image.new("L", (8, 8)).save(folder / "results/figures/figure_3.png")
+    found = faults(config, folder)
+    assert {name: line.split(" (")[0] for name, line in found.items()} == {
+        "results/tables/surface.nc": "unreadable",
+        "results/figures/figure_3.png": "unreadable",
+        "results/figures/figure_3.svg": "unreadable",
+    }
+
+
+def test_the_command_prints_a_last_line_and_its_exit_code_tells(folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    own = folder / "own.yaml"
+    own.write_text("delaunay: {networks: 20, batches: 2}\n")
+    assert main(["check", "--config", str(own)]) == 0
+    assert capsys.readouterr().out.startswith("all 33 files of the study belong")
+    own.write_text("delaunay: {networks: 20, batches: 2}\nsurface: {cross_validation_folds: 4}\n")
+    assert main(["check", "--config", str(own)]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert "made with surface.cross_validation_folds = 10 where the config now says 4" in lines[0]
+    assert lines[-1].startswith(f"{len(lines) - 1} findings")
+    own.write_text("sede: 1\n")
+    assert main(["check", "--config", str(own)]) == 1
+    assert capsys.readouterr().err == "config: sede is unknown, did you mean seed?\n"

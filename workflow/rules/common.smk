@@ -1,0 +1,69 @@
+# What the rules share: the checked config, the command of a job, and the questions put to fibrous.study.stages.
+
+import fcntl
+import json
+import os
+import sys
+from pathlib import Path
+
+from fibrous.errors import FibrousError
+from fibrous.study import convergence, stages
+from fibrous.study.configuration import validated
+
+try:
+    config = validated(config)
+except FibrousError as error:
+    # A WorkflowError would wrap the line in file names and line numbers.
+    sys.exit(str(error))
+
+# A bare `python` may be another one or none. The rules `exec` it, so that a job is Snakemake's own child and dies with it.
+os.environ.update(PYTHON=sys.executable)
+
+
+wildcard_constraints:
+    ensemble="|".join(stages.ensembles(config)),
+    protocol="|".join(stages.protocols(config)),
+    batch="[0-9]+",
+
+
+def outputs(stage):
+    return stages.STAGES[stage].outputs
+
+
+def inputs(stage):
+    return lambda wildcards: stages.STAGES[stage].inputs(config, dict(wildcards.items()))
+
+
+def params(stage):
+    # One string: Snakemake compares params as a set without names, so that swapped values would go unnoticed.
+    return lambda wildcards: json.dumps(stages.stage_params(stage, config, dict(wildcards.items())), sort_keys=True)
+
+
+def end_of_run():
+    curves = [Path(path) for path in stages.files("curves", "curves", config)]
+    return convergence.report([path for path in curves if path.is_file()])
+
+
+def clear_stale_locks():
+    """Delete the locks that a killed run left. The open file is returned because the mark on it must live as long.
+
+    Every living run holds a shared mark, so the exclusive mark is only to be had when no run is alive.
+    """
+    folder = Path(".snakemake")
+    try:
+        folder.mkdir(exist_ok=True)
+        mark = open(folder / "run.flock", "w")
+        try:
+            fcntl.flock(mark, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            pass  # another run is alive: its locks are Snakemake's to judge
+        else:
+            for lock in folder.glob("locks/*.lock"):
+                lock.unlink()
+        fcntl.flock(mark, fcntl.LOCK_SH)
+    except OSError:
+        return None  # no permission, or a file system without such marks: Snakemake's own message will do
+    return mark
+
+
+RUN_MARK = clear_stale_locks()

@@ -1,0 +1,93 @@
+# Sections 2.3, 2.4, 3.1 and 3.2: curves of every network, HGO constants fitted to them, and the surface over alignment.
+
+
+rule curves:
+    input:
+        stages.files("curves", "curves", config),
+        stages.files("convergence", "convergence", config),
+    message:
+        "All curves of the study, and the list of states that found no equilibrium"
+
+
+rule fits:
+    input:
+        stages.files("fits", "fits", config),
+        stages.files("convergence", "convergence", config),
+    message:
+        "All fits of the study, and the list of states that found no equilibrium"
+
+
+rule deform_networks:
+    input:
+        unpack(inputs("curves")),
+    output:
+        **outputs("curves"),
+    log:
+        "logs/curves/{ensemble}/{protocol}/{batch}.log",
+    threads: 1
+    resources:
+        mem_mb=1500,
+    params:
+        params("curves"),
+    message:
+        "Deforming batch {wildcards.batch} of the {wildcards.ensemble} networks by the loads of protocol {wildcards.protocol}"
+    shell:
+        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input networks {input.networks:q}'
+        " --output curves {output.curves:q} > {log:q} 2>&1"
+
+
+rule record_states:
+    input:
+        unpack(inputs("states")),
+    output:
+        **outputs("states"),
+    log:
+        "logs/states/{ensemble}/{network}_{protocol}.log",
+    threads: 1
+    resources:
+        mem_mb=1500,
+    params:
+        params("states"),
+    message:
+        "Recording every deformed state of network {wildcards.network} under protocol {wildcards.protocol}"
+    shell:
+        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input networks {input.networks:q}'
+        " --output states {output.states:q} > {log:q} 2>&1"
+
+
+rule fit_networks:
+    input:
+        unpack(inputs("fits")),
+    output:
+        **outputs("fits"),
+    log:
+        "logs/fits/{ensemble}/{protocol}.log",
+    threads: 1
+    resources:
+        mem_mb=1500,
+    params:
+        params("fits"),
+    message:
+        "Fitting Eq. 2 to the curves of the {wildcards.ensemble} networks under protocol {wildcards.protocol}"
+    shell:
+        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input curves {input.curves:q}'
+        " --output fits {output.fits:q} > {log:q} 2>&1"
+
+
+rule list_unconverged_states:
+    input:
+        unpack(inputs("convergence")),
+    output:
+        **outputs("convergence"),
+    log:
+        "logs/convergence.log",
+    threads: 1
+    resources:
+        mem_mb=1000,
+    params:
+        params("convergence"),
+    message:
+        "Listing the states that found no equilibrium"
+    shell:
+        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input curves {input.curves:q}'
+        " --output convergence {output.convergence:q} > {log:q} 2>&1"
