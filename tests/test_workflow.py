@@ -1,11 +1,13 @@
 """The DAG as a user meets it: from an empty folder, again, changed, broken, killed."""
 
 import os
+import re
 import shutil
 import signal
 import subprocess
 import sys
 import time
+from fnmatch import fnmatch
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +21,7 @@ from snakemake.settings.types import ConfigSettings, DAGSettings, OutputSettings
 
 from fibrous import provenance
 from fibrous.check import check
+from fibrous.documentation import TABLES
 from fibrous.study.configuration import DEFAULT, PROJECT, loaded
 from fibrous.study.stages import STAGES, expected_files
 
@@ -83,6 +86,19 @@ def test_the_quick_study_makes_every_file_and_check_agrees(quick):
     found = {str(path.relative_to(folder)) for path in (folder / "results").rglob("*") if path.is_file()}
     assert {path for path in found if not path.endswith(".csv.json")} == expected
     assert check(quick_config(), folder) == ([], len(expected))
+
+
+@pytest.mark.parametrize("place", TABLES)
+def test_the_tables_have_the_columns_that_the_page_of_files_lists(quick, place):
+    folder, _ = quick
+    paths = [path for path in (folder / "results").rglob("*.csv") if fnmatch(str(path), f"*/results/{_as_glob(place)}")]
+    assert paths
+    for path in paths:
+        assert pd.read_csv(path, nrows=0).columns.tolist() == list(TABLES[place])
+
+
+def _as_glob(place: str) -> str:
+    return re.sub(r"\{\w+\}", "*", place)
 
 
 def test_the_run_ends_with_the_convergence_of_its_states(quick):

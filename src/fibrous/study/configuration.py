@@ -321,12 +321,6 @@ def _loads(config: Config) -> Iterator[str]:
                 )
             elif j == 0:
                 yield from _unstretched(config, gradient, f"{path}.magnitude is {magnitude:g}")
-            exponent = config["fit"]["largest_C3"] * (stretch**2 - 1) ** 2
-            if stretch <= limit and exponent > LARGEST_EXPONENT:
-                yield (
-                    f"fit.largest_C3 is {config['fit']['largest_C3']:g}, which makes Eq. 2 overflow at the stretch "
-                    f"{stretch:.4g} of {path}: lower it"
-                )
 
 
 def _unstretched(config: Config, gradient: Any, said: str) -> Iterator[str]:
