@@ -112,7 +112,52 @@ MUTATIONS = [
         "first = room + np.sqrt(",
         "test_generation.py",
     ),
+    Mutation(
+        "volume ratio of the Cauchy stress",
+        "networks/homogenization.py",
+        "stress @ gradient.T / np.linalg.det(gradient)",
+        "stress @ gradient.T * np.linalg.det(gradient)",
+        "test_homogenization.py",
+    ),
+    Mutation(
+        "axial part of the force rates",
+        "networks/kernels.py",
+        "+ axial[m] * along * vectors[m, i]",
+        "- axial[m] * along * vectors[m, i]",
+        "test_homogenization.py",
+    ),
+    Mutation(
+        "bend of the cubic prediction",
+        "networks/equilibrium.py",
+        "forward + 5.0 * bend",
+        "forward - 5.0 * bend",
+        "test_equilibrium.py",
+    ),
+    Mutation(
+        "scaling of C2 by the largest exponential",
+        "fitting/hgo.py",
+        "C2 = amplitude * unit * np.exp(-s)",
+        "C2 = amplitude * unit * np.exp(s)",
+        "test_hgo_fit.py",
+    ),
+    Mutation(
+        "variance of a predicted network",
+        "fitting/surface.py",
+        "variance = surface.residual_variance + row",
+        "variance = surface.residual_variance - row",
+        "test_surface.py",
+    ),
 ]
+
+
+def passes(tests: str, copy: Path) -> bool:
+    """Whether the tests pass in the copy; a run that neither passes nor fails ends the script, as it proves nothing."""
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", f"tests/{tests}"]
+    # The copy's sources come first, before the installed package.
+    done = subprocess.run(command, cwd=copy, env={"PYTHONPATH": str(copy / "src")}, capture_output=True, text=True)
+    if done.returncode not in (0, 1):
+        raise SystemExit(f"pytest could not run tests/{tests}:\n{done.stdout}{done.stderr}")
+    return done.returncode == 0
 
 
 def survives(mutation: Mutation, copy: Path) -> bool:
@@ -125,12 +170,7 @@ def survives(mutation: Mutation, copy: Path) -> bool:
         )
     module.write_text(source.replace(mutation.text, mutation.flipped), encoding="utf-8")
     try:
-        command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", f"tests/{mutation.tests}"]
-        # The copy's sources come first, before the installed package.
-        return (
-            subprocess.run(command, cwd=copy, env={"PYTHONPATH": str(copy / "src")}, capture_output=True).returncode
-            == 0
-        )
+        return passes(mutation.tests, copy)
     finally:
         module.write_text(source, encoding="utf-8")
 
@@ -144,6 +184,9 @@ def main() -> int:
             shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
         for name in ("pyproject.toml", "Snakefile"):
             shutil.copy(ROOT / name, copy / name)
+        for tests in sorted({mutation.tests for mutation in MUTATIONS}):
+            if not passes(tests, copy):
+                raise SystemExit(f"tests/{tests} fails without a flip; mend it first")
         alive = 0
         for mutation in MUTATIONS:
             lives = survives(mutation, copy)

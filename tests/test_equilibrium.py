@@ -74,6 +74,19 @@ def test_leaving_out_negative_tension_makes_the_hessian_semidefinite_and_touches
     point = assembly.evaluate(np.diag([0.6, 0.7, 0.8]), np.zeros((assembly.size + 1, 3)))
     assert np.linalg.eigvalsh(dense(assembly.hessian(point)))[0] < 0.0
     assert np.linalg.eigvalsh(dense(assembly.hessian(point, 1.0)))[0] > 0.0
+    a, b = network.fiber_nodes.T
+    expected = np.zeros((len(network.node_position),) * 2 + (3, 3))
+    for first, second, D in zip(a, b, network.fiber_vectors, strict=True):
+        d, L = point.gradient @ D, np.linalg.norm(D)
+        length = np.linalg.norm(d)
+        n = d / length
+        force, stiffness = FiberLaw(2.5).response(length / L)
+        across = max(float(force), 0.0) / length
+        block = across * (np.eye(3) - np.outer(n, n)) + stiffness / L * np.outer(n, n)
+        for i, j, sign in ((first, first, 1), (second, second, 1), (first, second, -1), (second, first, -1)):
+            expected[i, j] += sign * block
+    expected = expected[np.ix_(assembly.nodes, assembly.nodes)].transpose(0, 2, 1, 3).reshape(3 * assembly.size, -1)
+    np.testing.assert_allclose(dense(assembly.hessian(point, 1.0)), expected, atol=1e-10 * np.abs(expected).max())
     stretched = assembly.evaluate(1.2 * np.eye(3), np.zeros((assembly.size + 1, 3)))
     np.testing.assert_array_equal(assembly.hessian(stretched).copy(), assembly.hessian(stretched, 1.0))
 
@@ -84,7 +97,7 @@ def test_states_are_balanced_stable_and_lower_than_affine(solver, name):
     for state in solver.follow(path(name, LOADS[name])):
         assert state.converged
         point = state.point
-        bound = 1e-9 * np.sqrt(point.residual.size) * max(1.0, np.sqrt((point.forces**2).sum(axis=1).mean()))
+        bound = 1e-11 * np.sqrt(assembly.size) * max(1.0, np.sqrt((point.forces**2).sum(axis=1).mean()))
         assert np.linalg.norm(point.residual) <= bound
         assert np.linalg.eigvalsh(dense(assembly.hessian(point)))[0] > 0.0
         affine = assembly.evaluate(point.gradient, np.zeros_like(point.displacement))
@@ -208,6 +221,42 @@ def test_prediction_is_the_tangent_of_the_equilibrium_path(tight_solver):
     np.testing.assert_allclose(rate, (up - down) / (2.0 * step), atol=1e-6 * np.abs(rate).max())
 
 
+def test_prediction_misses_by_a_term_of_fourth_order(tight_solver):
+    """The cubic through two states and their rates, where F is linear in the step: half the step, 1/16 of the miss."""
+    load = Load.parse("xy_shear")
+    errors = []
+    for step in (0.04, 0.02):
+        gradients = load.deformation_gradient(0.2 + step * np.array([-1.0, 0.0, 1.0]))
+        first = tight_solver._refactored(tight_solver.equilibrium(gradients[0]))
+        here = tight_solver._reach(first, gradients[1], 0)
+        start, _ = tight_solver._predicted(here, gradients[2])
+        exact = tight_solver.equilibrium(gradients[2], near=here.state).point.displacement
+        errors.append(np.linalg.norm(start.displacement - exact))
+    assert 10.0 < errors[0] / errors[1] < 25.0
+
+
+def test_the_scale_of_forces_is_their_root_mean_square_above_one(solver):
+    u = np.zeros((solver.assembly.size + 1, 3))
+    assert solver.assembly.evaluate(np.eye(3), u).force_scale == 1.0
+    point = solver.assembly.evaluate(np.diag([3.0, 0.6, 0.6]), u)
+    force, _ = FiberLaw(2.5).response(point.stretches)
+    assert point.force_scale == pytest.approx(np.sqrt(np.mean(force**2)), rel=1e-12)
+    assert point.force_scale > 100.0
+
+
+def test_forces_beyond_the_range_of_floats_are_no_equilibrium(network):
+    stiff = EquilibriumSolver.of(network, FiberLaw(50.0))
+    assert not stiff.equilibrium(np.diag([4.2, 0.5, 0.5])).converged
+
+
+def test_a_path_need_not_begin_at_rest(solver):
+    gradient = Load.parse("x_uniaxial").deformation_gradient(1.2)
+    direct, along = solver.follow([gradient])[0], solver.follow([np.eye(3), gradient])[1]
+    assert direct.converged
+    np.testing.assert_allclose(direct.point.displacement, along.point.displacement, atol=1e-9)
+    assert solver.assembly.energy(direct.point) > 0.0
+
+
 def test_a_step_too_long_is_cut_and_reaches_the_same_state(network):
     generous = EquilibriumSolver.of(network, FiberLaw(2.5))
     hasty = replace(generous, largest_number_of_iterations=3)
@@ -222,6 +271,7 @@ def test_what_does_not_converge_says_so_and_stops_the_path(network):
     hopeless = EquilibriumSolver.of(network, FiberLaw(2.5), largest_number_of_iterations=1, largest_number_of_cuts=0)
     states = hopeless.follow(path("x_uniaxial", 2.5, steps=2))
     assert [state.converged for state in states] == [True, False, False]
+    assert [state.iterations for state in states] == [0, 1, 0]
     with pytest.raises(ConvergenceError, match="no stable equilibrium, so it has no tangent"):
         hopeless.condensed_tangent(states[1])
 

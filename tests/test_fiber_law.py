@@ -37,8 +37,8 @@ def exact_energy(stretch: float, nonlinearity: float) -> float:
         )
 
 
-@pytest.mark.parametrize("nonlinearity", [0.1, 2.5, 6.0])
-@pytest.mark.parametrize("stretch", STRETCHES)
+@pytest.mark.parametrize("nonlinearity", [0.1, 2.5, 20.0, 50.0])
+@pytest.mark.parametrize("stretch", [one for one in STRETCHES if one < 5.0])
 def test_energy_is_the_integral_of_the_force(stretch, nonlinearity):
     assert FiberLaw(nonlinearity).energy(stretch) == pytest.approx(exact_energy(stretch, nonlinearity), rel=2e-12)
 

@@ -96,5 +96,5 @@ def test_missing_and_foreign_files_are_refused(files, tmp_path):
     xr.Dataset({"node_position": (("node", "axis"), np.zeros((4, 2)))}).to_netcdf(
         tmp_path / "own.nc", engine="h5netcdf"
     )
-    with pytest.raises(NetworkError, match=r"'node_position' needs numbers of shape \(…, 3\)"):
+    with pytest.raises(NetworkError, match=r"'node_position' needs numbers of shape \(…, 3\), not float64 of \(4, 2\)"):
         read_network({"name": "own", "file": str(tmp_path / "own.nc")})

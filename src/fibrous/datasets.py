@@ -10,6 +10,7 @@ import os
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +47,7 @@ NETWORKS = {
     "volume_fraction": _variable("network", "f", "1", "fiber volume fraction (Eq. 5)"),
     "shortest_fiber": _variable("network", "f", "edge", "reference length of the shortest fiber"),
     "seed": _variable("network", "i", "1", "seed from which this network alone is generated"),
-    "name": _variable("network", "U", "", "name of the network, empty in an ensemble without names"),
+    "name": _variable("network", "U", "1", "name of the network, empty in an ensemble without names"),
 }
 
 CURVES = {
@@ -68,7 +69,7 @@ CURVES = {
         "network deformation", "b", "1", "whether the load ends at the limit of the principal stretch"
     ),
     "structure_tensor": _variable("network axis axis_b", "f", "1", "generalized structure tensor H (Eq. 3)"),
-    "name": _variable("network", "U", "", "name of the network, empty in an ensemble without names"),
+    "name": _variable("network", "U", "1", "name of the network, empty in an ensemble without names"),
 }
 
 STATES = {
@@ -103,6 +104,28 @@ SURFACE = {
     ),
 }
 
+# Coordinates of all kinds: unit and meaning. A coordinate that counts or names has no dimension.
+COORDINATES = {
+    "network": ("1", "number of the network in its whole ensemble"),
+    "deformation": ("1", "name of the load"),
+    "step": ("1", "step of the load, 0 at rest"),
+    "protocol": ("1", "name of the protocol"),
+    "load_set": ("1", "name of the load set"),
+    "constant": ("1", "constant of Eq. 2; C3_eight is C3 without the term 22"),
+    "term": ("1", "powers of H11 and H22 in Eq. 11"),
+    "term_b": ("1", "powers of H11 and H22 in Eq. 11"),
+    "bound": ("1", "least and largest"),
+}
+# Attributes without which a file of the kind says nothing: what turns a network's edges and kA into µm and MPa.
+ATTRIBUTES: dict[str, tuple[str, ...]] = {
+    "networks": (
+        "edge_length_um",
+        "fiber_radius_um",
+        "fiber_modulus_MPa",
+        "fiber_nonlinearity",
+        "fiber_linear_beyond_stretch",
+    )
+}
 KINDS: dict[str, dict[str, Variable]] = {
     "networks": NETWORKS,
     "curves": CURVES,
@@ -118,10 +141,13 @@ def write(dataset: xr.Dataset, path: Path, kind: str, params: Mapping[str, Any])
     Raises DatasetError where a variable is missing or misshapen, or the file cannot be written.
     """
     declared = KINDS[kind]
-    _check(dataset, declared, path)
+    _check(dataset, kind, path)
     dataset = dataset[list(declared)]
     for name, variable in declared.items():
         dataset[name].attrs.update(units=variable.units, long_name=variable.long_name)
+    for coordinate in dataset.coords.values():
+        units, long_name = COORDINATES[str(coordinate.name)]
+        coordinate.attrs.update(units=units, long_name=long_name)
     dataset.attrs.update(kind=kind, **attributes(params))
     encoding = {name: {"zlib": True, "complevel": 1} for name, variable in declared.items() if variable.kind != "U"}
     place(bytes(dataset.to_netcdf(engine="h5netcdf", encoding=encoding)), path)
@@ -139,7 +165,7 @@ def read(path: Path, kind: str) -> xr.Dataset:
     found = dataset.attrs.get("kind")
     if found != kind:
         raise DatasetError(f"{path}: holds '{found or 'something else'}' where a file of {kind} is needed")
-    _check(dataset, KINDS[kind], path)
+    _check(dataset, kind, path)
     return dataset
 
 
@@ -161,8 +187,11 @@ def read_table(path: Path, columns: tuple[str, ...]) -> pd.DataFrame:
     return table
 
 
-def _check(dataset: xr.Dataset, declared: Mapping[str, Variable], path: Path) -> None:
-    for name, variable in declared.items():
+def _check(dataset: xr.Dataset, kind_of_file: str, path: Path) -> None:
+    for name in ATTRIBUTES.get(kind_of_file, ()):
+        if not isinstance(dataset.attrs.get(name), Real):
+            raise DatasetError(f"{path}: lacks the attribute '{name}', or it is no number; delete it and run again")
+    for name, variable in KINDS[kind_of_file].items():
         if name not in dataset:
             raise DatasetError(f"{path}: lacks the variable '{name}'; delete it and run again")
         array = dataset[name]

@@ -53,6 +53,11 @@ class Load:
         return cls(cast(Kind, kind), axes)
 
     @property
+    def name(self) -> str:
+        """The name that `parse` reads."""
+        return "".join("xyz"[axis] for axis in self.axes) + f"_{self.kind}"
+
+    @property
     def rest(self) -> float:
         """Magnitude at which F is the identity."""
         return 0.0 if self.kind == "shear" else 1.0
@@ -109,7 +114,7 @@ def matching_magnitude(load: Load, structure_tensor: Array, target: float, limit
     below = np.flatnonzero(values < 0.0)
     if below.size == 0:
         raise LoadError(
-            f"{load.kind} load along axes {load.axes} never has the averaged stretch {target:.6g}: "
+            f"load {load.name} never has the averaged stretch {target:.6g}: "
             "let the first load of the protocol stretch the network (a magnitude above 1, or above 0 for shear)"
         )
     if below[-1] == trial.size - 1:
@@ -143,21 +148,18 @@ def load_paths(
     """The loads of a protocol for a network of structure tensor H, shape (3, 3) (section 2.3).
 
     `loads` are names with end magnitudes; where the magnitude is None the load ends at the averaged stretch that the
-    first load, which has one, reaches. Magnitudes grow linearly over the steps. A load whose F would stretch a line
-    by more than `limit` ends there. Raises LoadError for an unknown load or one that cannot reach the averaged stretch.
+    first load, which has one, reaches, or where F stretches a line by `limit`. Magnitudes grow linearly over the steps.
+    Raises LoadError for an unknown load or one that cannot reach the averaged stretch.
     """
     first = Load.parse(loads[0][0])
     if loads[0][1] is None:
         raise LoadError(f"load '{loads[0][0]}' comes first, so it needs a magnitude for the others to match")
-    reach = first.deformation_gradient(min(loads[0][1], first.magnitude_at_principal_stretch(limit)))
-    target = float(averaged_stretch(reach, structure_tensor))
+    target = float(averaged_stretch(first.deformation_gradient(loads[0][1]), structure_tensor))
     paths = []
     for name, magnitude in loads:
         load = Load.parse(name)
-        if magnitude is None:
-            end, limited = matching_magnitude(load, structure_tensor, target, limit)
-        else:
-            most = load.magnitude_at_principal_stretch(limit)
-            end, limited = min(magnitude, most), magnitude > most
+        end, limited = (
+            matching_magnitude(load, structure_tensor, target, limit) if magnitude is None else (magnitude, False)
+        )
         paths.append(LoadPath(name, *load_path(load, end, steps), limited))
     return paths

@@ -106,7 +106,7 @@ def described() -> str:
     for kind, declared in KINDS.items():
         lines += ["", f"## `{PLACES[kind]}`", "", "| variable | dimensions | unit | meaning |", "|---|---|---|---|"]
         lines += [
-            f"| `{name}` | {', '.join(one.dims)} | {one.units or 'text'} | {one.long_name} |"
+            f"| `{name}` | {', '.join(one.dims)} | {'text' if one.kind == 'U' else one.units} | {one.long_name} |"
             for name, one in declared.items()
         ]
     for place, columns in TABLES.items():

@@ -1,8 +1,20 @@
 """What a user may do wrong: every error of the library is one of these, its text one line with the remedy."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class FibrousError(Exception):
     """Base of all errors that name a mistake in input, config or files rather than a fault of the library."""
+
+
+@contextmanager
+def naming(who: str) -> Iterator[None]:
+    """Put `who` in front of any of these errors that is raised inside, so that its line says which network it means."""
+    try:
+        yield
+    except FibrousError as error:
+        raise type(error)(f"{who}: {error}") from None
 
 
 class ConfigError(FibrousError):

@@ -32,8 +32,9 @@ def read_network(entry: Mapping[str, str]) -> Network:
         position, boundary = _read_nodes(Path(entry["nodes"]))
         fibers = _columns(Path(entry["fibers"]), ["tail", "head"])
         where = f"{entry['nodes']} and {entry['fibers']}"
-    if not np.array_equal(fibers, np.round(fibers)):
-        row = np.flatnonzero((fibers != np.round(fibers)).any(axis=1))[0]
+    whole = np.isfinite(fibers) & (fibers == np.round(fibers)) & (np.abs(fibers) < 2.0**53)
+    if not whole.all():
+        row = np.flatnonzero(~whole.all(axis=1))[0]
         raise NetworkError(f"{where}: fiber {row} has a node number that is not a whole number")
     outside = np.flatnonzero((np.abs(position) > 0.5 + ON_FACE).any(axis=1))
     if outside.size:
@@ -83,7 +84,8 @@ def _read_netcdf(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]
         if name not in dataset:
             raise NetworkError(f"{path}: lacks the variable '{name}'")
         if dataset[name].ndim != 2 or dataset[name].shape[1] != columns or dataset[name].dtype.kind not in "iuf":
-            raise NetworkError(f"{path}: '{name}' needs numbers of shape (…, {columns}), not {dataset[name].shape}")
+            found = f"{dataset[name].dtype} of {dataset[name].shape}"
+            raise NetworkError(f"{path}: '{name}' needs numbers of shape (…, {columns}), not {found}")
     if dataset.sizes.get("network", 1) != 1:
         raise NetworkError(f"{path}: holds {dataset.sizes['network']} networks; give one file a network")
     position = dataset["node_position"].to_numpy().astype(float)

@@ -33,7 +33,7 @@ FLAT = 0.1
 # Share of the decrease that the slope promises, below which a step is halved, and the step given up as too short.
 SUFFICIENT = 1e-4
 SHORTEST = 1e-10
-# Least pivot of the rest Hessian, over its largest diagonal element, that tells a structure from a mechanism.
+# Least pivot of the rest Hessian, over the diagonal element it came from, that tells a structure from a mechanism.
 SINGULAR = 1e-12
 
 
@@ -71,13 +71,13 @@ class EquilibriumSolver:
     Parameters
     ----------
     assembly : the network in the order of its band
-    residual_tolerance : ‖r‖ ≤ tolerance √(3n) max(1, f_rms), with n interior nodes and forces in kA
+    residual_tolerance : ‖r‖ ≤ tolerance √n max(1, f_rms), with n interior nodes and forces in kA
     largest_number_of_iterations : for one F
     largest_number_of_cuts : how often the way to an F is halved before it is given up
     """
 
     assembly: Assembly
-    residual_tolerance: float = 1e-9
+    residual_tolerance: float = 1e-11
     largest_number_of_iterations: int = 60
     largest_number_of_cuts: int = 6
 
@@ -87,19 +87,20 @@ class EquilibriumSolver:
         return cls(Assembly(network, law), **limits)  # type: ignore[arg-type]
 
     def follow(self, gradients: Iterable[Array]) -> list[State]:
-        """States along a path of deformation gradients, each of shape (3, 3), that begins at the identity.
+        """States along a path of deformation gradients, each of shape (3, 3), reached one after the other from rest.
 
         Beyond a gradient that cannot be reached the states are returned unconverged and untried.
+        Raises NetworkError where the network is a mechanism at rest.
         """
         with _reproducible():
             here = self._rest()
             states: list[State] = []
             for gradient in gradients:
                 gradient = np.ascontiguousarray(gradient, dtype=float)
-                if states and here.state.converged:
-                    here = self._reach(here, gradient, 0)
-                elif states:
+                if not here.state.converged:
                     here = replace(here, state=replace(here.state, iterations=0, cuts=0))
+                elif states or not np.array_equal(gradient, here.state.point.gradient):
+                    here = self._reach(here, gradient, 0)
                 states.append(here.state)
             return states
 
@@ -122,9 +123,9 @@ class EquilibriumSolver:
 
     def _rest(self) -> _Reached:
         point = self.assembly.evaluate(np.eye(3), np.zeros((self.assembly.size + 1, 3)))
-        largest = self.assembly.hessian(point)[0].max(initial=1.0)
+        diagonal = self.assembly.hessian(point)[0].copy()
         factor = self.assembly.factor(point)
-        if factor is None or (factor[0] ** 2).min(initial=largest) < SINGULAR * largest:
+        if factor is None or (factor[0] ** 2 < SINGULAR * diagonal).any():
             raise NetworkError(
                 "the network is a mechanism at rest: some nodes move without stretching a fiber, so it has no stable "
                 "equilibrium; join more fibers at them (a node needs three out of one plane at the least)"
@@ -176,9 +177,9 @@ class EquilibriumSolver:
         factor, norm_before = None, np.inf
         for iteration in range(self.largest_number_of_iterations + 1):
             norm = _norm(point)
-            if norm == np.inf:
+            if not np.isfinite(norm * point.force_scale):
                 break
-            tolerance = self.residual_tolerance * np.sqrt(len(point.residual)) * point.force_scale
+            tolerance = self.residual_tolerance * np.sqrt(assembly.size) * point.force_scale
             # Where a step shrank the residual so much that another with the same factor will do, no new one is made.
             if factor is None or norm <= tolerance or norm * (norm / norm_before) ** 2 > tolerance:
                 factor = assembly.factor(point)
@@ -210,11 +211,12 @@ class EquilibriumSolver:
         return None
 
     def _unstable_direction(self, point: Point) -> Array:
-        """Eigenvector of the least eigenvalue, as long as the largest move, pointing down where there is a slope."""
+        """Eigenvector of the least eigenvalue, as long as the largest move, its largest component positive.
+
+        At a stationary point the energy falls either way; the sign only has to be the same on every machine.
+        """
         vector = eig_banded(self.assembly.hessian(point).copy(), lower=True, select="i", select_range=(0, 0))[1][:, 0]
-        vector *= LARGEST_MOVE / np.abs(vector).max()
-        downhill = -np.sign(vector @ point.residual) or np.sign(vector[np.argmax(np.abs(vector))])
-        return downhill * vector
+        return vector * (LARGEST_MOVE / vector[np.argmax(np.abs(vector))])
 
     def _line_search(self, point: Point, move: Array, definite: bool) -> Point | None:
         """The point after the longest halving of `move` that lowers the energy enough; None where none does."""

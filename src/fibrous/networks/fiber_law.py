@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 # |λ − 1| below which the closed form of the energy loses more digits to cancellation than the series drops terms.
 SERIES_RANGE = 0.05
-SERIES_TERMS = 14
+SERIES_TERMS = 30
 
 
 @dataclass(frozen=True)

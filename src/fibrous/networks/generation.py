@@ -22,8 +22,9 @@ Array = NDArray[np.float64]
 
 # Spacings of the cloud around the cube: farther from its hull than the longest edge of a Delaunay tetrahedron inside.
 MARGIN = 3.0
-# A node nearer to a face than this many edges is put on the face. The fibre radius of the study is 0.005 edges;
-# a piece shorter than that is no fibre, and its stiffness, which grows as 1/length, would rule Newton's method.
+# A node nearer to a face than this many edges is put on the face: the piece between them would be shorter than a fifth
+# of the study's fibre radius, and its stiffness, which grows as 1/length, would rule Newton's method. Sizing the cube
+# once more moves nodes by less than this again. Pieces that join two faces may be shorter: they carry no unknown.
 SNAP = 1e-3
 # Share of an edge below which a piece of it inside the cube is rounding and has no length.
 ROUNDING = 1e-12
@@ -136,6 +137,8 @@ def delaunay_network(target: Array, total_length: float, seed: int, tolerance: f
         try:
             network = _cut(cloud @ stretch_tensor_for(asked), edges, total_length, cube)
         except NetworkError:
+            if best is None:
+                raise
             break
         error = structure_tensor(network.fiber_vectors) - target
         if np.abs(error).max() < best_error:
@@ -144,9 +147,8 @@ def delaunay_network(target: Array, total_length: float, seed: int, tolerance: f
             return checked(network, "generated network")
         asked = asked - error
         asked = asked / np.trace(asked)
-    found = "none" if best is None else f"{best_error:.2g}"
     raise NetworkError(
-        f"seed {seed}: the structure tensor {np.diag(target).round(4).tolist()} is missed by {found}, more than "
+        f"the structure tensor {np.diag(target).round(4).tolist()} is missed by {best_error:.2g}, more than "
         f"alignment_tolerance {tolerance:g}; raise the tolerance or enlarge the cube"
     )
 
@@ -174,12 +176,13 @@ def _cut(points: Array, edges: NDArray[np.int64], total_length: float, cube: flo
 
 
 def _solve(excess: Callable[[float], float], near: float) -> float:
-    for widening in (1.05, 1.1, 1.2, 1.3):
+    # Fibres of a strongly stretched cloud are longer than those of the cloud that sized the first guess.
+    for widening in (1.05, 1.1, 1.2, 1.3, 1.6, 2.5):
         if excess(near / widening) < 0.0 < excess(near * widening):
             size = float(brentq(excess, near / widening, near * widening, xtol=1e-15, rtol=1e-15))
             if abs(excess(size)) < 1e-9:
                 return size
-    raise NetworkError("the cube cannot be sized to the volume fraction")
+    raise NetworkError("no size of the cube gives the volume fraction; change the seed or the alignment")
 
 
 def _snapped(points: Array) -> NDArray[np.int64]:

@@ -80,7 +80,7 @@ def checked(network: Network, where: str) -> Network:
     """The network itself, if it is one the solver can load.
 
     Raises NetworkError, naming `where` and the first node or fibre at fault, for positions that are not finite,
-    indices that dangle, fibres of zero length, duplicated fibres, unused nodes, parts that float free of the
+    indices that dangle, fibres of zero length, duplicated fibres, parts (single nodes, too) that float free of the
     boundary, and networks without boundary nodes.
     """
     position, fibers = network.node_position, network.fiber_nodes

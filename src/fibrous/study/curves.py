@@ -11,6 +11,7 @@ import numpy as np
 
 from fibrous import datasets
 from fibrous.deformation import averaged_stretch
+from fibrous.errors import naming
 from fibrous.networks.response import respond
 from fibrous.study.loading import loaded_networks
 
@@ -20,7 +21,8 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     rows: list[dict[str, np.ndarray]] = []
     numbers: list[int] = []
     for network in loaded_networks(inputs["networks"][0], params["config"]):
-        responses = [respond(network.solver, path.gradients, network.stress_scale_MPa) for path in network.paths]
+        with naming(str(network)):
+            responses = [respond(network.solver, path.gradients, network.stress_scale_MPa) for path in network.paths]
         row = {
             name: np.array([getattr(response, name) for response in responses])
             for name in responses[0].__dataclass_fields__
@@ -34,10 +36,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
         row["name"] = np.array(network.name, dtype=object)
         rows.append(row)
         numbers.append(network.number)
-        print(
-            f"network {network.number} {network.name}: {row['converged'].sum()} of {row['converged'].size} states",
-            file=sys.stderr,
-        )
+        print(f"{network}: {row['converged'].sum()} of {row['converged'].size} states converged", file=sys.stderr)
     arrays = {name: np.stack([row[name] for row in rows]) for name in datasets.CURVES}
     loads = [entry["load"] for entry in params["config"]["protocol"]["loads"]]
     steps = np.arange(params["config"]["protocol"]["steps"] + 1)

@@ -12,6 +12,7 @@ import xarray as xr
 
 from fibrous import datasets
 from fibrous.deformation import LoadPath, load_paths
+from fibrous.errors import DatasetError, naming
 from fibrous.networks.equilibrium import EquilibriumSolver
 from fibrous.networks.fiber_law import FiberLaw
 from fibrous.networks.homogenization import stress_scale
@@ -29,6 +30,9 @@ class LoadedNetwork:
     stress_scale_MPa: float
     paths: list[LoadPath]
 
+    def __str__(self) -> str:
+        return f"network {self.number} {self.name}".rstrip()
+
 
 def loaded_networks(path: Path, config: Mapping[str, Any]) -> Iterator[LoadedNetwork]:
     """The networks of a file one after the other. Raises DatasetError, NetworkError or LoadError."""
@@ -42,20 +46,26 @@ def loaded_networks(path: Path, config: Mapping[str, Any]) -> Iterator[LoadedNet
     scale = stress_scale(
         float(constants["fiber_modulus_MPa"]), float(constants["fiber_radius_um"]), float(constants["edge_length_um"])
     )
-    for index, network in enumerate(unpacked(dataset)):
+    with naming(str(path)):
+        networks = unpacked(dataset)
+    for index, network in enumerate(networks):
+        number, name = int(dataset["network"].values[index]), str(dataset["name"].values[index])
         tensor = dataset["structure_tensor"].values[index]
-        yield LoadedNetwork(
-            int(dataset["network"].values[index]),
-            str(dataset["name"].values[index]),
-            tensor,
-            EquilibriumSolver.of(network, law, **limits),
-            scale,
-            load_paths(loads, tensor, protocol["steps"], config["principal_stretch_limit"]),
-        )
+        with naming(f"network {number} {name}".rstrip()):
+            paths = load_paths(loads, tensor, protocol["steps"], config["principal_stretch_limit"])
+        yield LoadedNetwork(number, name, tensor, EquilibriumSolver.of(network, law, **limits), scale, paths)
 
 
 def unpacked(dataset: xr.Dataset) -> list[Network]:
-    """The networks of a dataset of the kind `networks`, in its order."""
+    """The networks of a dataset of the kind `networks`, in its order.
+
+    Raises DatasetError where its counts do not add up.
+    """
+    for count, rows in (("node_count", "node"), ("fiber_count", "fiber")):
+        if int(dataset[count].sum()) != dataset.sizes[rows]:
+            raise DatasetError(
+                f"'{count}' adds up to {int(dataset[count].sum())} where there are {dataset.sizes[rows]} rows"
+            )
     nodes = np.cumsum(dataset["node_count"].values)[:-1]
     fibers = np.cumsum(dataset["fiber_count"].values)[:-1]
     parts = zip(

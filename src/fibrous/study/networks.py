@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from fibrous import datasets
+from fibrous.errors import naming
 from fibrous.network_files import read_network
 from fibrous.networks.generation import alignment_targets, delaunay_network, network_seed
 from fibrous.networks.network import Network, structure_tensor, total_length, volume_fraction
@@ -30,9 +31,10 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
             config["cube"]["volume_fraction"], config["cube"]["edge_length_um"], config["fiber"]["radius_um"]
         )
         tolerance = config["cube"]["alignment_tolerance"]
-        networks = [
-            delaunay_network(target, length, seed, tolerance) for target, seed in zip(targets, seeds, strict=True)
-        ]
+        networks = []
+        for number, target, seed in zip(numbers, targets, seeds, strict=True):
+            with naming(f"network {number} of {config['ensemble']}"):
+                networks.append(delaunay_network(target, length, seed, tolerance))
     dataset = _packed(networks, numbers, np.array(targets), np.array(seeds), _names(config, numbers), config)
     datasets.write(dataset, outputs["networks"], "networks", params)
 

@@ -93,6 +93,8 @@ def _params(
     own = STAGES[stage].config(config, wildcards)
     if upstream:
         own["upstream"] = config_hash({"inputs": sorted(upstream)})
+        if config["network"] != "file":
+            own["seed"] = config["seed"]  # of the networks that the files come from
     return {"stage": module, "config": own, "code_hash": code_hash(module)}
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from fibrous import datasets
 from fibrous.deformation import averaged_stretch
-from fibrous.errors import DatasetError
+from fibrous.errors import DatasetError, naming
 from fibrous.study.loading import loaded_networks
 
 
@@ -23,7 +23,8 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     network = next((one for one in loaded_networks(path, params["config"]) if one.name == wanted), None)
     if network is None:
         raise DatasetError(f"{path}: holds no network called '{wanted}'; add it to `named` in the config")
-    followed = [network.solver.follow(load.gradients) for load in network.paths]
+    with naming(str(network)):
+        followed = [network.solver.follow(load.gradients) for load in network.paths]
     gradients = np.array([load.gradients for load in network.paths])
     shape = gradients.shape[:2]
     converged = np.array([[state.converged for state in states] for states in followed])
