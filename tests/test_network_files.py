@@ -75,6 +75,11 @@ def test_every_fault_is_named(files):
     refused("repeats another", fibers=pd.concat([fibers, fibers.iloc[[2]]]))
     refused("lacks the column 'z'", nodes=nodes.drop(columns="z"))
     refused("lacks the column 'head'", fibers=fibers.drop(columns="head"))
+    with open(entry["nodes"], "w") as stream:  # a column that the header does not name would shift all others
+        stream.write("x,y,z\n" + nodes.assign(boundary=1).to_csv(index=False, header=False))
+    with pytest.raises(NetworkError, match="more values in a row than names"):
+        read_network(entry)
+    refused("fiber 4 has a node number that is not a whole number", fibers=changed(fibers, 4, "head", 1e30))
     refused("boundary flag 2", nodes=nodes.assign(boundary=2))
     refused("no node lies on a face", nodes=nodes.assign(boundary=0))
     refused("has no fibers", fibers=fibers.iloc[:0])
@@ -91,7 +96,7 @@ def test_missing_and_foreign_files_are_refused(files, tmp_path):
     with pytest.raises(NetworkError, match="not a readable CSV file"):
         read_network(entry)
     (tmp_path / "own.nc").write_text("no")
-    with pytest.raises(NetworkError, match="not a readable NetCDF file"):
+    with pytest.raises(NetworkError, match="not a readable NetCDF-4 file"):
         read_network({"name": "own", "file": str(tmp_path / "own.nc")})
     xr.Dataset({"node_position": (("node", "axis"), np.zeros((4, 2)))}).to_netcdf(
         tmp_path / "own.nc", engine="h5netcdf"

@@ -31,7 +31,10 @@ def main(arguments: list[str] | None = None) -> int:
     for line in lines:
         print(line)
     if lines:
-        print(f"{len(lines)} findings; the study has {total} files: run snakemake again with the same config")
+        print(
+            f"{len(lines)} findings; the study has {total} files: delete those named here that are not missing, "
+            "then run snakemake again with the same config"
+        )
         return 1
     print(f"all {total} files of the study belong to the present config and code")
     return 0

@@ -5,10 +5,12 @@ Every result carries the hashes of what made it, so this needs no record of past
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import xarray as xr
 from PIL import Image
@@ -17,7 +19,7 @@ from fibrous.errors import DatasetError
 from fibrous.provenance import config_hash
 from fibrous.study.stages import Config, expected_files, stage_params
 
-UNMARKED = {".svg": ".png"}  # a format that carries no attributes stands or falls with its twin
+DESCRIPTION = "{http://purl.org/dc/elements/1.1/}description"
 
 
 def check(config: Config, folder: Path) -> tuple[list[str], int]:
@@ -44,7 +46,7 @@ def _fault(path: Path, params: Mapping[str, Any]) -> str:
     if not path.is_file():
         return "missing"
     try:
-        found = _attributes(path.with_suffix(UNMARKED.get(path.suffix, path.suffix)))
+        found = _attributes(path)
         made_with = json.loads(found["config"])
     except (DatasetError, KeyError, TypeError, ValueError) as error:
         return f"unreadable ({' '.join(str(error).split())[:120]})"
@@ -59,17 +61,25 @@ def _fault(path: Path, params: Mapping[str, Any]) -> str:
 
 
 def _attributes(path: Path) -> dict[str, Any]:
-    """The attributes of a NetCDF, of a CSV's companion, or of a PNG. Raises DatasetError where there are none."""
+    """The attributes that a NetCDF, a PNG, an SVG or the companion of a CSV holds.
+
+    Raises DatasetError where there are none, or the content is not whole.
+    """
     try:
         if path.suffix == ".nc":
             with xr.open_dataset(path, engine="h5netcdf") as dataset:
                 return dict(dataset.attrs)
         if path.suffix == ".csv":
-            return json.loads(Path(f"{path}.json").read_text(encoding="utf-8"))
+            companion = json.loads(Path(f"{path}.json").read_text(encoding="utf-8"))
+            if companion["sha256"] != hashlib.sha256(path.read_bytes()).hexdigest():
+                raise DatasetError("not the content that was written")
+            return companion
+        if path.suffix == ".svg":
+            return json.loads(ElementTree.parse(path).findtext(f".//{DESCRIPTION}") or "")
         with Image.open(path) as image:
             image.load()
             return json.loads(image.info["fibrous"])
-    except (OSError, ValueError, KeyError, SyntaxError) as error:
+    except (OSError, ValueError, KeyError, SyntaxError, ElementTree.ParseError) as error:
         raise DatasetError(str(error) or type(error).__name__) from None
 
 

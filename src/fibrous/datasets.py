@@ -5,6 +5,7 @@ A file that is not what its declaration says raises DatasetError with one line: 
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Mapping
@@ -170,9 +171,19 @@ def read(path: Path, kind: str) -> xr.Dataset:
 
 
 def write_table(table: pd.DataFrame, path: Path, params: Mapping[str, Any]) -> None:
-    """Write a CSV whole, with its provenance beside it as ``{path}.json``. Raises DatasetError where it cannot."""
-    place(json.dumps(attributes(params), indent=1).encode(), Path(f"{path}.json"))
-    place(table.to_csv(index=False).encode(), path)
+    """Write a CSV whole, with its provenance and SHA-256 beside it as ``{path}.json``.
+
+    Raises DatasetError where it cannot; no provenance is left of a table that is not there.
+    """
+    content = table.to_csv(index=False).encode()
+    provenance = {**attributes(params), "sha256": hashlib.sha256(content).hexdigest()}
+    beside = Path(f"{path}.json")
+    place(json.dumps(provenance, indent=1).encode(), beside)
+    try:
+        place(content, path)
+    except DatasetError:
+        beside.unlink(missing_ok=True)
+        raise
 
 
 def read_table(path: Path, columns: tuple[str, ...]) -> pd.DataFrame:

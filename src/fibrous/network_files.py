@@ -71,6 +71,8 @@ def _table(path: Path) -> pd.DataFrame:
         table = pd.read_csv(path, skipinitialspace=True)
     except (OSError, ValueError) as error:
         raise NetworkError(f"{path}: not a readable CSV file ({' '.join(str(error).split())[:120]})") from None
+    if not isinstance(table.index, pd.RangeIndex):
+        raise NetworkError(f"{path}: has more values in a row than names in its header; name every column")
     return table.rename(columns=lambda name: str(name).strip())
 
 
@@ -79,7 +81,7 @@ def _read_netcdf(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]
         with xr.open_dataset(path, engine="h5netcdf") as opened:
             dataset = opened.load()
     except (OSError, ValueError, KeyError, RuntimeError) as error:
-        raise NetworkError(f"{path}: not a readable NetCDF file ({' '.join(str(error).split())[:120]})") from None
+        raise NetworkError(f"{path}: not a readable NetCDF-4 file ({' '.join(str(error).split())[:120]})") from None
     for name, columns in (("node_position", 3), ("fiber_nodes", 2)):
         if name not in dataset:
             raise NetworkError(f"{path}: lacks the variable '{name}'")

@@ -63,7 +63,8 @@ def _is_module(name: str) -> bool:
 def attributes(params: Mapping[str, Any]) -> dict[str, Any]:
     """What a result carries: stage, config and its hash, code hash, seed, versions, CPU seconds, peak memory in MB.
 
-    `params` holds `stage` (a module of fibrous.study or fibrous.figures), `config` and, from the rule, `code_hash`.
+    `params` holds `stage` (a module of fibrous.study or fibrous.figures), its part of the config as `config`,
+    `code_hash`, and in a run of the workflow the whole config as `study_config`, which is recorded but not hashed.
     """
     config = params["config"]
     own, children = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -72,6 +73,7 @@ def attributes(params: Mapping[str, Any]) -> dict[str, Any]:
         "stage": params["stage"],
         "config": json.dumps(config, sort_keys=True),
         "config_hash": config_hash(config),
+        **({"study_config": params["study_config"]} if "study_config" in params else {}),
         "code_hash": params["code_hash"],
         "seed": config.get("seed", -1),
         "versions": json.dumps({"python": platform.python_version(), **{name: _version(name) for name in RECORDED}}),

@@ -9,6 +9,7 @@ from pathlib import Path
 from fibrous.errors import FibrousError
 from fibrous.study import convergence, stages
 from fibrous.study.configuration import validated
+from fibrous.study.job import STUDY_CONFIG
 
 try:
     config = validated(config)
@@ -18,6 +19,7 @@ except FibrousError as error:
 
 # A bare `python` may be another one or none. The rules `exec` it, so that a job is Snakemake's own child and dies with it.
 os.environ.update(PYTHON=sys.executable)
+os.environ[STUDY_CONFIG] = json.dumps(config, sort_keys=True)
 
 
 wildcard_constraints:
@@ -41,7 +43,10 @@ def params(stage):
 
 def end_of_run():
     curves = [Path(path) for path in stages.files("curves", "curves", config)]
-    return convergence.report([path for path in curves if path.is_file()])
+    try:
+        return convergence.report([path for path in curves if path.is_file()])
+    except FibrousError as error:
+        return [str(error)]
 
 
 def clear_stale_locks():
@@ -53,6 +58,11 @@ def clear_stale_locks():
     try:
         folder.mkdir(exist_ok=True)
         mark = open(folder / "run.flock", "w")
+    except OSError as error:
+        sys.exit(
+            f"{Path.cwd()}: cannot be written ({error.strerror}); free space, mend the permission or choose --directory"
+        )
+    try:
         try:
             fcntl.flock(mark, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -62,7 +72,7 @@ def clear_stale_locks():
                 lock.unlink()
         fcntl.flock(mark, fcntl.LOCK_SH)
     except OSError:
-        return None  # no permission, or a file system without such marks: Snakemake's own message will do
+        pass  # a file system without such marks: Snakemake's own message will do
     return mark
 
 

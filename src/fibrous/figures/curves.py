@@ -17,7 +17,17 @@ from fibrous.errors import DatasetError
 from fibrous.figures import style
 from fibrous.fitting.hgo import strain_energy
 
-FIT_COLUMNS = ("name", "load_set", "deformation", "C2_MPa", "C3", "C2_half_width_MPa", "C3_half_width", "r_squared")
+FIT_COLUMNS = (
+    "name",
+    "load_set",
+    "deformation",
+    "lambda_f_max",
+    "C2_MPa",
+    "C3",
+    "C2_half_width_MPa",
+    "C3_half_width",
+    "r_squared",
+)
 # A load whose energy ends above this many times that of the default load set's leaves the panel.
 SHOWN_RATIO = 2.0
 FIT_POINTS = 201

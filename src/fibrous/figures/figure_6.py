@@ -64,8 +64,12 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     fitted = surface_table(surface)
 
     write_table(curves, outputs["curves"], params)
-    write_table(constants[["network", "H11", "H22", "C2_MPa", "C3"]], outputs["constants"], params)
-    write_table(fitted, outputs["surface"], params)
+    amplitude_of_surface = surface["lambda_f_max_range"].values
+    heading = {"protocol": config["protocol"], "load_set": load_set["name"]}
+    columns = ["network", "H11", "H22", "lambda_f_max", "C2_MPa", "C3"]
+    write_table(constants[columns].assign(**heading), outputs["constants"], params)
+    ranges = dict(zip(("lambda_f_max_least", "lambda_f_max_largest"), amplitude_of_surface, strict=True))
+    write_table(fitted.assign(**heading, **ranges), outputs["surface"], params)
     style.save(draw(networks, states, fits, curves, constants, fitted, surface), outputs, params)
 
 

@@ -181,7 +181,7 @@ class EquilibriumSolver:
                 break
             tolerance = self.residual_tolerance * np.sqrt(assembly.size) * point.force_scale
             # Where a step shrank the residual so much that another with the same factor will do, no new one is made.
-            if factor is None or norm <= tolerance or norm * (norm / norm_before) ** 2 > tolerance:
+            if factor is None or norm <= tolerance or norm * norm > tolerance * norm_before:
                 factor = assembly.factor(point)
             if norm <= tolerance and factor is not None:
                 return _Reached(State(point, True, iteration), factor)

@@ -29,6 +29,7 @@ SCHEMA = PROJECT / "workflow" / "schemas" / "config.schema.yaml"
 DEFAULT = PROJECT / "config" / "config.yaml"
 
 SURFACE_TERMS = 9
+LARGEST_BATCH = 5000  # its numbers travel on the command line of a job
 LARGEST_EXPONENT = 350.0  # exp of it, and the square of that, are finite in double precision
 # A Delaunay network needs some ten nodes in the cube before its alignment means anything.
 LEAST_FIBER_LENGTH = 40.0
@@ -163,7 +164,7 @@ def _said(error: jsonschema.ValidationError) -> Iterator[str]:
             least = "at least" if keyword == "minItems" else "at most"
             yield f"{path} has {len(value)} entries, must have {least} {wanted}"
         case _:
-            yield f"{path} is {_shown(value)}, must be {COMPARISONS[keyword]} {wanted:g}{unit}"
+            yield f"{path} is {_shown(value)}, must be {COMPARISONS[keyword]} {wanted:.15g}{unit}"
 
 
 def _number_hint(value: Any) -> str:
@@ -282,6 +283,11 @@ def _alignments(config: Config) -> Iterator[str]:
 def _ensemble(config: Config) -> Iterator[str]:
     networks, batches = config["delaunay"]["networks"], config["delaunay"]["batches"]
     folds = config["surface"]["cross_validation_folds"]
+    if networks > LARGEST_BATCH * batches:
+        yield (
+            f"delaunay.batches is {batches}, which puts {networks / batches:.0f} networks into one, "
+            f"must leave at most {LARGEST_BATCH}"
+        )
     if batches > networks:
         yield f"delaunay.batches is {batches}, must be at most delaunay.networks = {networks}"
     if folds > networks:

@@ -57,8 +57,13 @@ def survey(curves: Iterable[Path]) -> tuple[pd.DataFrame, int]:
     return pd.DataFrame(rows, columns=list(COLUMNS)), limited_loads
 
 
-def report(curves: Iterable[Path]) -> list[str]:
-    """Lines for the end of a run: one for every unconverged state, or that there is none, and the limited loads."""
+def report(curves: list[Path]) -> list[str]:
+    """Lines for the end of a run: one for every unconverged state, or that there is none, and the limited loads.
+
+    No line where there are no curves. Raises DatasetError where a file cannot be read.
+    """
+    if not curves:
+        return []
     states, limited_loads = survey(curves)
     lines = [
         f"not converged: network {row['network']} {row['name']}".rstrip()
@@ -67,5 +72,5 @@ def report(curves: Iterable[Path]) -> list[str]:
         for row in states.to_dict("records")
     ]
     if not lines:
-        lines = ["every state converged"]
+        lines = [f"every state of {len(curves)} files of curves converged"]
     return [*lines, f"{limited_loads} loads were cut at principal_stretch_limit"]

@@ -18,6 +18,8 @@ from threadpoolctl import threadpool_limits
 
 from fibrous.errors import FibrousError
 
+# The whole config, as JSON. Not a param: a result would be made anew for every change that does not concern it.
+STUDY_CONFIG = "FIBROUS_STUDY_CONFIG"
 PR_SET_PDEATHSIG = 1  # linux/prctl.h
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -32,6 +34,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--input", nargs="+", action="append", default=[], metavar=("NAME", "FILE"))
     parser.add_argument("--output", nargs=2, action="append", default=[], metavar=("NAME", "FILE"))
     given = parser.parse_args(arguments)
+    if STUDY_CONFIG in os.environ:
+        given.params["study_config"] = os.environ[STUDY_CONFIG]
     inputs = {name: [Path(path) for path in paths] for name, *paths in given.input}
     outputs = {name: Path(path) for name, path in given.output}
     try:

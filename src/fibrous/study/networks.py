@@ -21,8 +21,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     config = params["config"]
     numbers = np.array(config["numbers"], dtype=np.int64)
     if config["ensemble"] == "file":
-        entries = [config["network_files"][number] for number in numbers]
-        networks = [read_network(entry) for entry in entries]
+        networks = [read_network(entry) for entry in config["network_files"]]
         targets, seeds = [structure_tensor(network.fiber_vectors) for network in networks], [-1] * len(networks)
     else:
         targets = _targets(config, numbers)
@@ -48,8 +47,9 @@ def _targets(config: Mapping[str, Any], numbers: np.ndarray) -> list[np.ndarray]
 
 
 def _names(config: Mapping[str, Any], numbers: np.ndarray) -> list[str]:
-    named = {"named": "named", "file": "network_files"}.get(config["ensemble"])
-    return [config[named][number]["name"] if named else "" for number in numbers]
+    if config["ensemble"] == "file":
+        return [entry["name"] for entry in config["network_files"]]
+    return [config["named"][number]["name"] if config["ensemble"] == "named" else "" for number in numbers]
 
 
 def _packed(

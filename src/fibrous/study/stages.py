@@ -1,14 +1,16 @@
 """The stages of the study: what each reads, what it writes, and which part of the config it depends on.
 
-The rules of the workflow and ``python -m fibrous check`` both ask here, so they cannot disagree. Everything is a pure
-function of the validated config; paths are relative to the folder in which the study runs.
+The rules of the workflow and ``python -m fibrous check`` both ask here, so they cannot disagree. Everything follows
+from the validated config and the files that it names; paths are relative to the folder in which the study runs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from hashlib import sha256
 from itertools import chain
+from pathlib import Path
 from typing import Any
 
 from fibrous.provenance import code_hash, config_hash
@@ -51,7 +53,8 @@ def batches(config: Config, ensemble: str) -> dict[str, list[int]]:
     if ensemble == "delaunay":
         total, parts = config["delaunay"]["networks"], config["delaunay"]["batches"]
     else:
-        total, parts = len(config["network_files" if ensemble == "file" else "named"]), 1
+        total = len(config["network_files" if ensemble == "file" else "named"])
+        parts = min(config["delaunay"]["batches"], total) if ensemble == "file" else 1
     width = max(2, len(str(parts - 1)))
     share, longer = divmod(total, parts)
     starts = [part * share + min(part, longer) for part in range(parts + 1)]
@@ -133,7 +136,9 @@ def _networks_config(config: Config, wildcards: Wildcards) -> dict[str, Any]:
     part = {"ensemble": ensemble, "numbers": batches(config, ensemble)[wildcards["batch"]], "fiber": config["fiber"]}
     if ensemble == "file":
         cube = {"edge_length_um": config["cube"]["edge_length_um"]}
-        return {**part, "cube": cube, "network_files": config["network_files"]}
+        entries = _entries(config, wildcards)
+        contents = [[sha256(path.read_bytes()).hexdigest() for path in _paths(entry)] for entry in entries]
+        return {**part, "cube": cube, "network_files": entries, "contents": contents}
     part |= {"seed": config["seed"], "cube": config["cube"]}
     if ensemble == "named":
         return {**part, "named": config["named"]}
@@ -142,8 +147,17 @@ def _networks_config(config: Config, wildcards: Wildcards) -> dict[str, Any]:
 
 
 def _networks_inputs(config: Config, wildcards: Wildcards) -> dict[str, list[str]]:
-    entries = config["network_files"] if wildcards["ensemble"] == "file" else []
-    return {"files": [entry[key] for entry in entries for key in ("nodes", "fibers", "file") if key in entry]}
+    entries = _entries(config, wildcards) if wildcards["ensemble"] == "file" else []
+    return {"files": [str(path) for entry in entries for path in _paths(entry)]}
+
+
+def _entries(config: Config, wildcards: Wildcards) -> list[dict[str, str]]:
+    """The user's networks that belong to a batch."""
+    return [config["network_files"][number] for number in batches(config, "file")[wildcards["batch"]]]
+
+
+def _paths(entry: Mapping[str, str]) -> list[Path]:
+    return [Path(entry[key]) for key in ("nodes", "fibers", "file") if key in entry]
 
 
 def _batch_instances(config: Config) -> list[dict[str, str]]:
