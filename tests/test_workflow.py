@@ -385,22 +385,18 @@ def own_network(folder: Path) -> dict:
     return {"network": "file", "network_files": [entry]}
 
 
-def test_a_users_network_gets_its_curves_and_fits(tmp_path):
+def test_a_users_network_gets_its_curves_and_fits(tmp_path, monkeypatch):
     own = written(tmp_path, own_network(tmp_path))
     done = snakemake(tmp_path, "-j2", configs=(own,))
     assert done.returncode == 0, done.stderr
-    config = loaded_in(tmp_path, own)
-    assert check(config, tmp_path)[0] == []
+    monkeypatch.chdir(tmp_path)
+    assert check(loaded(own), Path())[0] == []
+    with open("nodes.csv", "a") as stream:
+        stream.write("0.5,0.5,0.0\n")
+    assert len(check(loaded(own), Path())[0]) == len(list(expected_files(loaded(own))))
     fits = pd.read_csv(tmp_path / "results/fits/file/large.csv")
     assert set(fits["name"]) == {"own"}
     assert set(fits["load_set"]) == {"section_3_1", "section_2_3", "single"}
-
-
-def loaded_in(folder: Path, config: Path) -> dict:
-    """The config, with its paths seen from the folder of the study."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        return loaded(config)
 
 
 def test_a_failed_job_says_why_on_the_terminal(tmp_path):
