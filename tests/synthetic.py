@@ -10,7 +10,7 @@ import pandas as pd
 import xarray as xr
 from scipy.spatial import Delaunay
 
-from fibrous.datasets import CURVES, NETWORKS, STATES, SURFACE, packed, read, write, write_table
+from fibrous.datasets import ATTRIBUTES, CURVES, NETWORKS, STATES, SURFACE, packed, read, write, write_table
 from fibrous.deformation import Load, averaged_stretch, load_path, matching_magnitude
 from fibrous.fitting.hgo import strain_energy
 from fibrous.fitting.surface import LABELS, evaluate
@@ -72,7 +72,9 @@ def write_networks(path: Path, points: int) -> None:
         "seed": np.arange(count),
         "name": np.array(list(NAMED)),
     }
-    write(packed(arrays, NETWORKS, {"network": np.arange(count)}), path, "networks", params(0))
+    constants = dict.fromkeys(ATTRIBUTES["networks"], 1.0)
+    dataset = packed(arrays, NETWORKS, {"network": np.arange(count)}).assign_attrs(constants)
+    write(dataset, path, "networks", params(0))
 
 
 def _paths(tensor: np.ndarray, stretch: float, steps: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
