@@ -163,6 +163,7 @@ def write_fits(path: Path, tensors: np.ndarray, names: list[str], seed: int) -> 
             bound = b < 0.1
             components = dict(zip(("H11", "H22", "H33"), np.diag(tensor), strict=True))
             fit = {
+                "lambda_f_max": 1.5,
                 "C2_MPa": a,
                 "C3": 0.0 if bound else b,
                 "C2_half_width_MPa": 0.1 * a,
