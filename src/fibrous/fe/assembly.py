@@ -97,6 +97,12 @@ class Assembly:
         """F at the Gauss points, shape (elements, 8, 3, 3), for a displacement of shape (nodes, 3), mm."""
         return self._deformation_gradient(displacement, slice(None))
 
+    def what_is_not_finite(self, displacement: Array) -> str:
+        """Why there are no forces at a displacement, shape (nodes, 3), mm, in words that name the first element."""
+        determinants = np.linalg.det(self.deformation_gradient(displacement))
+        bad = np.flatnonzero((determinants <= 0.0).any(axis=1))
+        return f"element {bad[0]} turned inside out" if bad.size else "forces grew beyond the range of numbers"
+
     def _deformation_gradient(self, displacement: Array, elements: slice) -> Array:
         moved = displacement[self.mesh.element_nodes[elements]]
         gradient = moved.swapaxes(1, 2) @ self._gradients[elements]
