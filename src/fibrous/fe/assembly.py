@@ -113,7 +113,7 @@ class Assembly:
         return components_last(F, 2)
 
     def _at_nodes(self, forces: Array) -> Array:
-        return np.bincount(self._components, forces.ravel()).reshape(-1, 3)
+        return np.asarray(np.bincount(self._components, forces.ravel()), dtype=float).reshape(-1, 3)
 
 
 class _Pattern:

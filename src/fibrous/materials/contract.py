@@ -11,7 +11,7 @@ returns are views of such arrays with the components moved to the end.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
@@ -75,12 +75,13 @@ class PerElement:
         refuse(good, value, name, range_)
 
 
-def refuse(good: NDArray[np.bool_], value: Array, name: str, range_: str) -> None:
+def refuse(good: ArrayLike, value: Array, name: str, range_: str) -> None:
     """Raise MaterialError for the first place where `good` is false, naming the element and the value there.
 
     `good` has shape (elements, 1, ...) where the constant differs between elements, else fewer than two axes; it may
     have fewer axes than `value`, whose further axes are components.
     """
+    good = np.asarray(good)
     bad = np.argwhere(~good)
     if len(bad):
         where = f"element {bad[0][0]}: " if good.ndim > 1 else ""

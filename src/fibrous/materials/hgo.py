@@ -155,11 +155,10 @@ def _energy(C2: Array | float, C3: Array | float, excess: Array, tension_only: b
 
 def _derivatives(C2: Array | float, C3: Array | float, excess: Array, tension_only: bool) -> tuple[Array, Array]:
     """W' = C2 x e^{C3 x²} and W'' = C2 (1 + 2 C3 x²) e^{C3 x²} in x = I4 − 1."""
-    if tension_only:
-        C2 = C2 * (excess > -RESTING)
+    active = excess > -RESTING if tension_only else 1.0
     nonlinear = C3 * excess * excess
     with np.errstate(over="ignore", invalid="ignore"):
-        growth = C2 * np.exp(nonlinear)
+        growth = active * C2 * np.exp(nonlinear)
         return growth * excess, growth * (1.0 + 2.0 * nonlinear)
 
 
