@@ -106,11 +106,12 @@ class Assembly:
     def _deformation_gradient(self, displacement: Array, elements: slice) -> Array:
         moved = displacement[self.mesh.element_nodes[elements]]
         gradient = moved.swapaxes(1, 2) @ self._gradients[elements]
-        # Components first in memory, which is how materials work on them.
-        F = np.ascontiguousarray(gradient.reshape(-1, 3, 8, 3).transpose(1, 3, 0, 2))
+        # In memory components come first and elements last, so that materials loop over elements innermost, along
+        # which parameters lie, too.
+        F = np.ascontiguousarray(gradient.reshape(-1, 3, 8, 3).transpose(1, 3, 2, 0))
         for i in range(3):
             F[i, i] += 1.0
-        return components_last(F, 2)
+        return components_last(F.swapaxes(2, 3), 2)
 
     def _at_nodes(self, forces: Array) -> Array:
         return np.asarray(np.bincount(self._components, forces.ravel()), dtype=float).reshape(-1, 3)

@@ -74,17 +74,15 @@ class HGOFamilies(PerElement):
     def __call__(self, gradient: Array, state: State = None) -> tuple[Array, Array, State]:
         """P = Σ 2W' f ⊗ N, A = Σ 2W' δ_ik N_J N_L + 4W'' f_i N_J f_k N_L with f = F N and W' = ∂W/∂I4, in MPa."""
         F, N, h, C2, C3 = self._components(gradient)
-        stress, geometric = np.zeros(F.shape), np.zeros(F.shape)
-        tangent = np.zeros((3, 3, *F.shape))
-        product = np.empty_like(tangent)
+        stress, geometric, tangent = np.zeros_like(F), np.zeros_like(F), None
         for p in range(3):
             f = _applied(F, N[p])
             first, second = _derivatives(C2 * h[p], C3, (f * f).sum(axis=0) - 1.0, self.tension_only)
             outer = f[:, None] * N[p]
             stress += (2.0 * first) * outer
             geometric += (2.0 * first) * (N[p][:, None] * N[p])
-            np.multiply(((4.0 * second) * outer)[:, :, None, None], outer, out=product)
-            tangent += product
+            product = ((4.0 * second) * outer)[:, :, None, None] * outer
+            tangent = product if tangent is None else np.add(tangent, product, out=tangent)
         _add_geometric(tangent, geometric)
         return components_last(stress, 2), components_last(tangent, 4), state
 

@@ -64,7 +64,7 @@ class NeoHookean(PerElement):
 
 def determinant_and_inverse_transposed(F: Array) -> tuple[Array, Array]:
     """det F, shape (...), and F⁻ᵀ, shape (3, 3, ...), for F of shape (3, 3, ...), from cofactors."""
-    inverse_transposed = np.empty(F.shape)
+    inverse_transposed = np.empty_like(F)
     for i in range(3):
         for j in range(3):
             a, b, c, d = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
