@@ -9,7 +9,7 @@ from fibrous.errors import ConvergenceError
 from fibrous.fe import hex8
 from fibrous.fe.boundary import PrescribedDisplacement, reaction_force
 from fibrous.fe.mesh import Mesh, box
-from fibrous.fe.solver import LoadStepError, LoadStepper
+from fibrous.fe.solver import LoadStepError, LoadStepper, Move
 from fibrous.materials.neo_hookean import NeoHookean
 
 
@@ -141,13 +141,34 @@ def test_targets_are_met_exactly_though_increments_are_cut_and_grow():
     np.testing.assert_allclose(solution.displacement, free.displacement, atol=1e-7)
 
 
+@pytest.mark.parametrize("ratio", [1.0, 0.5, 2.0, -1.0])
+def test_the_bend_of_two_moves_is_exact_on_a_parabola(ratio):
+    # u(t) = 3 t + 5 t² in one free component, prescribed value t, from 0.2 over 0.3 on to 0.3 + 0.1 ratio.
+    before, now = Move(np.array([0.1]), np.array([0.1 * (3.0 + 2.0)])), 0.1 * ratio
+    move = Move(np.array([now]), np.array([now * (3.0 + 3.0)]))
+    exact = 3.0 * now + 5.0 * ((0.3 + now) ** 2 - 0.3**2)
+    assert (move.response + move.bend(before))[0] == pytest.approx(exact, rel=1e-12)
+
+
+def test_moves_in_other_directions_say_nothing_of_the_bend():
+    before = Move(np.array([0.1, 0.0]), np.array([1.0]))
+    assert Move(np.array([0.05, 0.05]), np.array([2.0])).bend(before) == 0.0
+    assert Move(np.array([0.1, 0.0]), np.array([2.0])).bend(Move(np.zeros(2), np.ones(1))) == 0.0
+
+
+def test_smooth_paths_need_two_iterations_a_step():
+    mesh = distorted_box(3)
+    solution = solved(mesh, tissue(), stretched_box(mesh, np.linspace(0.01, 0.2, 20)))
+    assert (solution.newton_iterations[4:] == 2).all()
+
+
 def test_a_path_goes_on_from_where_it_ended():
     mesh = distorted_box(3)
     whole = solved(mesh, tissue(), stretched_box(mesh, [0.1, 0.2]))
     prescribed = stretched_box(mesh, [0.2])
     rest = LoadStepper.of(mesh, tissue(), prescribed).follow(prescribed.values, start=whole.displacement[0])
     np.testing.assert_allclose(rest.displacement[0], whole.displacement[1], atol=1e-8)
-    assert rest.newton_iterations[0] == whole.newton_iterations[1]
+    assert rest.newton_iterations[0] <= 4
 
 
 def test_a_load_too_large_names_step_and_element_and_leaves_what_converged():

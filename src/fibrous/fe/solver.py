@@ -27,7 +27,10 @@ Array = NDArray[np.float64]
 # An increment that converged within this many iterations lets the next one be twice as long.
 QUICK = 5
 # Relative residual of a linear solution far from equilibrium; nearer, it falls with the residual of the forces.
-LOOSE = 1e-3
+LOOSE = 1e-5
+# Largest part of a change of the prescribed values that may lie off the line of the change before, for the two to tell
+# the curvature of the path.
+STRAIGHT = 0.1
 
 
 @dataclass(frozen=True)
@@ -115,36 +118,72 @@ class LoadStepper:
         `start` is the displacement to begin from, shape (nodes, 3), mm, by default none, and `state` the material's
         there. Raises LoadStepError where a target is not reached, with the part before it.
         """
-        with threadpool_limits(limits=1, user_api="blas"):
+        # One BLAS thread, whose sums do not depend on the machine's load. A trial may turn elements inside out or grow
+        # beyond the range of numbers; it is refused for forces that are not finite.
+        with threadpool_limits(limits=1, user_api="blas"), np.errstate(all="ignore"):
             return _Path(self, targets).follow(start, state)
 
-    def _attempt(self, here: Point, target: Array, used: Counter[str], residuals: list[float]) -> Point:
-        """The equilibrium at prescribed values, shape (prescribed,); raises ConvergenceError where none was found.
+    def attempt(
+        self, here: Point, target: Array, before: Move | None, used: Counter[str], residuals: list[float]
+    ) -> tuple[Point, Move]:
+        """The equilibrium at prescribed values, shape (prescribed,), and the move of the tangent at `here` towards it.
 
-        Appends to `residuals` and counts solvers in `used`.
+        `before` is the move that led to `here`. Appends to `residuals`, and counts linear solvers in `used`.
+        Raises ConvergenceError where none is found.
         """
         assembly, free, prescribed = self.assembly, self.assembly.free, self.assembly.prescribed
         displacement = here.displacement.copy()
         components = displacement.reshape(-1)
-        # The first move answers to the change of the prescribed values with the tangent of the last equilibrium.
-        right = -here.internal_force.reshape(-1)[free] - here.coupling @ (target - components[prescribed])
+        change = target - components[prescribed]
         components[prescribed] = target
-        point = here
+        right = -here.internal_force.reshape(-1)[free] - here.coupling @ change
+        move = Move(change, self._linear(here, right, used))
+        components[free] += move.response + (move.bend(before) if before is not None else 0.0)
         for _ in range(self.largest_number_of_iterations):
-            size = float(np.linalg.norm(right))
-            wanted = self.tolerance * point.force_scale
-            accuracy = max(min(LOOSE, size / point.force_scale), 0.1 * wanted / size if size > wanted else 0.1)
-            linear = self.solve(point.stiffness, right, accuracy)
-            used[linear.solver] += 1
-            components[free] += linear.values
             point = assembly.evaluate(displacement.copy(), here.state)
             right = -point.internal_force.reshape(-1)[free]
             residuals.append(float(np.linalg.norm(right)) / point.force_scale)
             if residuals[-1] <= self.tolerance:
-                return point
+                return point, move
             if not np.isfinite(residuals[-1]):
                 raise ConvergenceError(assembly.what_is_not_finite(displacement))
+            if len(residuals) < self.largest_number_of_iterations:
+                components[free] += self._linear(point, right, used)
         raise ConvergenceError(f"the residual is {residuals[-1]:.1e} after {len(residuals)} iterations")
+
+    def _linear(self, point: Point, right: Array, used: Counter[str]) -> Array:
+        size = float(np.linalg.norm(right))
+        if size == 0.0:
+            return np.zeros_like(right)
+        # Newton's method squares a small residual; a linear solution better than that would be wasted.
+        relative = size / point.force_scale
+        linear = self.solve(point.stiffness, right, max(min(LOOSE, 0.1 * relative), 0.01 * self.tolerance / relative))
+        used[linear.solver] += 1
+        return linear.values
+
+
+@dataclass(frozen=True)
+class Move:
+    """A change of the prescribed values, and how the free components answer to it by the tangent at its start.
+
+    change : shape (prescribed,), mm; response : shape (free,), mm
+    """
+
+    change: Array
+    response: Array
+
+    def bend(self, before: Move) -> Array:
+        """Second order of the free components' path, shape (free,), mm: from the tangents here and at the move before.
+
+        With r the ratio of this change to that before, ½ r (response − r response before); none where the two changes
+        are not along one line.
+        """
+        square = float(before.change @ before.change)
+        ratio = float(self.change @ before.change) / square if square > 0.0 else 0.0
+        aside = np.linalg.norm(self.change - ratio * before.change)
+        if aside > STRAIGHT * np.linalg.norm(self.change):
+            return np.zeros_like(self.response)
+        return 0.5 * ratio * (self.response - ratio * before.response)
 
 
 class _Path:
@@ -157,6 +196,7 @@ class _Path:
         self.iterations, self.cuts = np.zeros((2, steps), dtype=np.int64)
         self.used: Counter[str] = Counter()
         self.attempts: list[Attempt] = []
+        self.before: Move | None = None
 
     def follow(self, start: Array | None, state: State) -> Solution:
         assembly = self.stepper.assembly
@@ -178,7 +218,7 @@ class _Path:
             residuals: list[float] = []
             failure = ""
             try:
-                here = self.stepper._attempt(here, values, self.used, residuals)
+                here, self.before = self.stepper.attempt(here, values, self.before, self.used, residuals)
             except ConvergenceError as error:
                 failure = str(error)
             self.attempts.append(Attempt(step, reached, end, tuple(residuals), failure))

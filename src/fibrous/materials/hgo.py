@@ -74,7 +74,8 @@ class HGOFamilies(PerElement):
     def __call__(self, gradient: Array, state: State = None) -> tuple[Array, Array, State]:
         """P = Σ 2W' f ⊗ N, A = Σ 2W' δ_ik N_J N_L + 4W'' f_i N_J f_k N_L with f = F N and W' = ∂W/∂I4, in MPa."""
         F, N, h, C2, C3 = self._components(gradient)
-        stress, geometric, tangent = np.zeros_like(F), np.zeros_like(F), None
+        stress, geometric = np.zeros_like(F), np.zeros_like(F)
+        tangent = np.empty(0)  # made by the first family, in the order of F in memory
         for p in range(3):
             f = _applied(F, N[p])
             first, second = _derivatives(C2 * h[p], C3, (f * f).sum(axis=0) - 1.0, self.tension_only)
@@ -82,7 +83,7 @@ class HGOFamilies(PerElement):
             stress += (2.0 * first) * outer
             geometric += (2.0 * first) * (N[p][:, None] * N[p])
             product = ((4.0 * second) * outer)[:, :, None, None] * outer
-            tangent = product if tangent is None else np.add(tangent, product, out=tangent)
+            tangent = product if p == 0 else np.add(tangent, product, out=tangent)
         _add_geometric(tangent, geometric)
         return components_last(stress, 2), components_last(tangent, 4), state
 
