@@ -33,6 +33,17 @@ def test_patch_test_on_a_distorted_mesh(solver):
     np.testing.assert_allclose(work, tissue(tension_only=True)(F)[0], atol=1e-13)
 
 
+def test_an_element_without_free_components_has_the_stress_of_its_material():
+    mesh, F = box((1, 1, 1)), np.diag([1.2, 0.9, 1.05])
+    values = np.stack([0.0 * mesh.node_position, mesh.node_position @ (F - np.eye(3))])
+    solution = solved(mesh, tissue(), PrescribedDisplacement.at(np.arange(8), values, steps=2))
+    assert (solution.internal_force[0] == 0.0).all()
+    np.testing.assert_allclose(solution.internal_force[1].T @ mesh.node_position, tissue()(F)[0], atol=1e-15)
+    inverted = PrescribedDisplacement.at(np.arange(8), -1.5 * mesh.node_position)
+    with pytest.raises(LoadStepError, match="element 0 turned inside out"):
+        solved(mesh, tissue(), inverted)
+
+
 def test_rigid_rotation_of_one_face_turns_the_body_without_force():
     mesh = distorted_box(3)
     face = np.flatnonzero(mesh.node_position[:, 0] == 0.0)
@@ -175,7 +186,7 @@ def test_a_load_too_large_names_step_and_element_and_leaves_what_converged():
     mesh = box((2, 2, 2))
     prescribed = stretched_box(mesh, [-0.3, -1.5])
     with pytest.raises(LoadStepError, match=r"step 1: no equilibrium found beyond .* % of its way") as error:
-        solved(mesh, tissue(), prescribed, largest_number_of_cuts=3)
+        solved(mesh, tissue(), prescribed, smallest_increment=1 / 8)
     assert "\n" not in str(error.value)
     solution = error.value.solution
     np.testing.assert_array_equal(solution.converged, [True, False])
@@ -184,6 +195,7 @@ def test_a_load_too_large_names_step_and_element_and_leaves_what_converged():
     assert np.isnan(solution.internal_force[1]).all()
     assert any("turned inside out" in attempt.failure for attempt in solution.attempts)
     assert solution.cuts[1] >= 4
+    assert solution.newton_iterations[1] == sum(len(one.residuals) for one in solution.attempts if one.step == 1)
 
 
 def test_an_element_turned_inside_out_is_named():
@@ -222,7 +234,7 @@ def test_a_material_without_an_answer_cuts_the_increment_and_other_errors_pass()
     prescribed = stretched_box(mesh, [0.2])
     Limited = type("Limited", (Remembering,), {"limit": 1.15})
     with pytest.raises(LoadStepError, match="a network found no equilibrium"):
-        LoadStepper.of(mesh, Limited(0.025, 0.417), prescribed, largest_number_of_cuts=2).follow(
+        LoadStepper.of(mesh, Limited(0.025, 0.417), prescribed, smallest_increment=1 / 4).follow(
             prescribed.values, state=np.zeros((27, 8))
         )
 

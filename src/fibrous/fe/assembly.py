@@ -127,12 +127,10 @@ class _Pattern:
         # All components of one pair of nodes, as (i, k), then those of all pairs.
         rows = np.broadcast_to((3 * row_node[:, None] + np.arange(3))[:, :, None], (len(keys), 3, 3))
         columns = np.broadcast_to((3 * column_node[:, None] + np.arange(3))[:, None, :], (len(keys), 3, 3))
-        number = np.full(3 * count, -1)
-        number[free] = np.arange(len(free))
         # Sorted by row, then column, free columns before prescribed ones, and rows that have no place last.
-        rank = np.full(3 * count, -1)
+        rank, is_free = np.empty(3 * count, dtype=np.int64), np.zeros(3 * count, dtype=bool)
         rank[free], rank[prescribed] = np.arange(len(free)), np.arange(len(prescribed))
-        is_free = number >= 0
+        is_free[free] = True
         kind = np.where(is_free[rows], np.where(is_free[columns], 0, 1), 2).ravel()
         order = np.lexsort((rank[columns].ravel(), rank[rows].ravel(), kind))
         place = np.empty(len(order), dtype=np.int64)
@@ -141,7 +139,6 @@ class _Pattern:
         self._size, self._ends = len(order), np.cumsum(sizes)[:2]
         place_of_pairs = place.reshape(-1, 3, 3)[pair].reshape(-1, 8, 8, 3, 3)
         self._places = np.ascontiguousarray(place_of_pairs.transpose(0, 1, 3, 4, 2)).ravel()
-        self._shapes = (len(free), len(free)), (len(free), len(prescribed))
         self._structures = []
         for which, columns_of in enumerate((free, prescribed)):
             entries = order[kind[order] == which]

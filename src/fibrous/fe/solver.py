@@ -90,14 +90,14 @@ class LoadStepper:
     solve : a linear solver
     tolerance : ‖residual‖ over the norm of the nodal sums of the magnitudes of the elements' forces
     largest_number_of_iterations : for one increment
-    largest_number_of_cuts : how often in a row an increment is halved before the target is given up
+    smallest_increment : part of a step below which an increment is not cut; the target is then given up
     """
 
     assembly: Assembly
     solve: LinearSolver
     tolerance: float = 1e-8
     largest_number_of_iterations: int = 12
-    largest_number_of_cuts: int = 8
+    smallest_increment: float = 1.0 / 256.0
 
     @classmethod
     def of(
@@ -142,7 +142,9 @@ class LoadStepper:
         for _ in range(self.largest_number_of_iterations):
             point = assembly.evaluate(displacement.copy(), here.state)
             right = -point.internal_force.reshape(-1)[free]
-            residuals.append(float(np.linalg.norm(right)) / point.force_scale)
+            size = float(np.linalg.norm(right))
+            # Without a free component nothing is out of balance, however small the forces.
+            residuals.append(0.0 if size == 0.0 and np.isfinite(point.force_scale) else size / point.force_scale)
             if residuals[-1] <= self.tolerance:
                 return point, move
             if not np.isfinite(residuals[-1]):
@@ -211,7 +213,7 @@ class _Path:
     def _step(self, here: Point, step: int, increment: float) -> tuple[Point, float]:
         """The equilibrium at a target, and the increment, as a part of a step, to go on with."""
         before = here.displacement.reshape(-1)[self.stepper.assembly.prescribed]
-        reached, cuts_in_a_row = 0.0, 0
+        reached = 0.0
         while reached < 1.0:
             end = min(1.0, reached + increment)
             values = self.targets[step] if end == 1.0 else before + end * (self.targets[step] - before)
@@ -224,18 +226,17 @@ class _Path:
             self.attempts.append(Attempt(step, reached, end, tuple(residuals), failure))
             self.iterations[step] += len(residuals)
             if not failure:
-                reached, cuts_in_a_row = end, 0
+                reached = end
                 increment = min(1.0, 2.0 * increment) if len(residuals) <= QUICK else increment
                 continue
             self.cuts[step] += 1
-            cuts_in_a_row += 1
-            if cuts_in_a_row > self.stepper.largest_number_of_cuts:
+            increment = 0.5 * (end - reached)
+            if increment < self.stepper.smallest_increment:
                 raise LoadStepError(
                     f"step {step}: no equilibrium found beyond {100.0 * reached:.3g} % of its way, with increments "
                     f"down to {100.0 * (end - reached):.2g} %: {failure}; prescribe less, or in more steps",
                     self._solution(step, here.state),
                 )
-            increment = 0.5 * (end - reached)
         return here, increment
 
     def _solution(self, converged: int, state: State) -> Solution:
