@@ -1,0 +1,1 @@
+"""Finite elements of tissue: hexahedra, total Lagrangian, Newton's method; import its modules by name."""

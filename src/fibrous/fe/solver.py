@@ -1,0 +1,252 @@
+"""Equilibrium of a mesh along a path of prescribed displacements: Newton's method with load steps that land on targets.
+
+An increment that does not converge is halved, and doubled again once Newton's method is quick; targets are met
+exactly. The criterion compares forces with forces, so that units change no iteration.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from fibrous.errors import ConvergenceError
+from fibrous.fe.assembly import Assembly, Point
+from fibrous.fe.boundary import PrescribedDisplacement
+from fibrous.fe.linear import LinearSolver, Name, linear_solver
+from fibrous.fe.mesh import Mesh
+from fibrous.materials.contract import Material, State
+
+Array = NDArray[np.float64]
+
+# An increment that converged within this many iterations lets the next one be twice as long.
+QUICK = 5
+# Relative residual of a linear solution far from equilibrium; nearer, it falls with the residual of the forces.
+LOOSE = 1e-5
+# Largest part of a change of the prescribed values that may lie off the line of the change before, for the two to tell
+# the curvature of the path.
+STRAIGHT = 0.1
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One increment that was tried.
+
+    step : number of its target; start, end : parts of the way from the target before, 0 to 1
+    residuals : relative residual after each iteration
+    failure : why it was given up, empty where it converged
+    """
+
+    step: int
+    start: float
+    end: float
+    residuals: tuple[float, ...]
+    failure: str
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Equilibria at the targets; the leading axis is the step.
+
+    displacement : shape (steps, nodes, 3), mm
+    internal_force : shape (steps, nodes, 3), N; at prescribed components the reaction, elsewhere zero to tolerance
+    newton_iterations, cuts : shape (steps,), all increments of a step together
+    converged : shape (steps,); where it is false, the displacement and force are NaN
+    linear_solvers : how many linear systems each solver solved
+    state : of the material at the last equilibrium
+    attempts : every increment that was tried
+    """
+
+    displacement: Array
+    internal_force: Array
+    newton_iterations: NDArray[np.int64]
+    cuts: NDArray[np.int64]
+    converged: NDArray[np.bool_]
+    linear_solvers: Mapping[str, int]
+    state: State
+    attempts: tuple[Attempt, ...]
+
+
+class LoadStepError(ConvergenceError):
+    """A target was not reached; `solution` is the part that converged, and holds the attempts."""
+
+    def __init__(self, text: str, solution: Solution) -> None:
+        super().__init__(text)
+        self.solution = solution
+
+
+@dataclass(frozen=True)
+class LoadStepper:
+    """Newton's method for one mesh and one set of prescribed components.
+
+    Parameters
+    ----------
+    assembly : the mesh and its material
+    solve : a linear solver
+    tolerance : ‖residual‖ over the norm of the nodal sums of the magnitudes of the elements' forces
+    largest_number_of_iterations : for one increment
+    smallest_increment : part of a step below which an increment is not cut; the target is then given up
+    """
+
+    assembly: Assembly
+    solve: LinearSolver
+    tolerance: float = 1e-8
+    largest_number_of_iterations: int = 12
+    smallest_increment: float = 1.0 / 256.0
+
+    @classmethod
+    def of(
+        cls,
+        mesh: Mesh,
+        material: Material,
+        prescribed: PrescribedDisplacement,
+        solver: Name = "auto",
+        **limits: float | int,
+    ) -> Self:
+        """The stepper for the components that are prescribed, whatever their values."""
+        assembly = Assembly(mesh, material, prescribed.unknowns(mesh))
+        return cls(assembly, linear_solver(solver), **limits)  # type: ignore[arg-type]
+
+    def follow(self, targets: Array, start: Array | None = None, state: State = None) -> Solution:
+        """Equilibria at prescribed values, shape (steps, prescribed), mm, in the order of the assembly.
+
+        `start` is the displacement to begin from, shape (nodes, 3), mm, by default none, and `state` the material's
+        there. Raises LoadStepError where a target is not reached, with the part before it.
+        """
+        # One BLAS thread, whose sums do not depend on the machine's load. A trial may turn elements inside out or grow
+        # beyond the range of numbers; it is refused for forces that are not finite.
+        with threadpool_limits(limits=1, user_api="blas"), np.errstate(all="ignore"):
+            return _Path(self, targets).follow(start, state)
+
+    def attempt(
+        self, here: Point, target: Array, before: Move | None, used: Counter[str], residuals: list[float]
+    ) -> tuple[Point, Move]:
+        """The equilibrium at prescribed values, shape (prescribed,), and the move of the tangent at `here` towards it.
+
+        `before` is the move that led to `here`. Appends to `residuals`, and counts linear solvers in `used`.
+        Raises ConvergenceError where none is found.
+        """
+        assembly, free, prescribed = self.assembly, self.assembly.free, self.assembly.prescribed
+        displacement = here.displacement.copy()
+        components = displacement.reshape(-1)
+        change = target - components[prescribed]
+        components[prescribed] = target
+        right = -here.internal_force.reshape(-1)[free] - here.coupling @ change
+        move = Move(change, self._linear(here, right, used))
+        components[free] += move.response + (move.bend(before) if before is not None else 0.0)
+        for _ in range(self.largest_number_of_iterations):
+            point = assembly.evaluate(displacement.copy(), here.state)
+            right = -point.internal_force.reshape(-1)[free]
+            size = float(np.linalg.norm(right))
+            # Without a free component nothing is out of balance, however small the forces.
+            residuals.append(0.0 if size == 0.0 and np.isfinite(point.force_scale) else size / point.force_scale)
+            if residuals[-1] <= self.tolerance:
+                return point, move
+            if not np.isfinite(residuals[-1]):
+                raise ConvergenceError(assembly.what_is_not_finite(displacement))
+            if len(residuals) < self.largest_number_of_iterations:
+                components[free] += self._linear(point, right, used)
+        raise ConvergenceError(f"the residual is {residuals[-1]:.1e} after {len(residuals)} iterations")
+
+    def _linear(self, point: Point, right: Array, used: Counter[str]) -> Array:
+        size = float(np.linalg.norm(right))
+        if size == 0.0:
+            return np.zeros_like(right)
+        # Newton's method squares a small residual; a linear solution better than that would be wasted.
+        relative = size / point.force_scale
+        linear = self.solve(point.stiffness, right, max(min(LOOSE, 0.1 * relative), 0.01 * self.tolerance / relative))
+        used[linear.solver] += 1
+        return linear.values
+
+
+@dataclass(frozen=True)
+class Move:
+    """A change of the prescribed values, and how the free components answer to it by the tangent at its start.
+
+    change : shape (prescribed,), mm; response : shape (free,), mm
+    """
+
+    change: Array
+    response: Array
+
+    def bend(self, before: Move) -> Array:
+        """Second order of the free components' path, shape (free,), mm: from the tangents here and at the move before.
+
+        With r the ratio of this change to that before, ½ r (response − r response before); none where the two changes
+        are not along one line.
+        """
+        square = float(before.change @ before.change)
+        ratio = float(self.change @ before.change) / square if square > 0.0 else 0.0
+        aside = np.linalg.norm(self.change - ratio * before.change)
+        if aside > STRAIGHT * np.linalg.norm(self.change):
+            return np.zeros_like(self.response)
+        return 0.5 * ratio * (self.response - ratio * before.response)
+
+
+class _Path:
+    """One walk along targets, with what has been recorded of it."""
+
+    def __init__(self, stepper: LoadStepper, targets: Array) -> None:
+        self.stepper, self.targets = stepper, np.asarray(targets, dtype=float)
+        steps, nodes = len(self.targets), len(stepper.assembly.mesh.node_position)
+        self.displacement, self.force = np.full((2, steps, nodes, 3), np.nan)
+        self.iterations, self.cuts = np.zeros((2, steps), dtype=np.int64)
+        self.used: Counter[str] = Counter()
+        self.attempts: list[Attempt] = []
+        self.before: Move | None = None
+
+    def follow(self, start: Array | None, state: State) -> Solution:
+        assembly = self.stepper.assembly
+        nothing = np.zeros((len(assembly.mesh.node_position), 3))
+        here = assembly.evaluate(nothing if start is None else np.asarray(start, dtype=float), state)
+        increment = 1.0
+        for step in range(len(self.targets)):
+            here, increment = self._step(here, step, increment)
+            self.displacement[step], self.force[step] = here.displacement, here.internal_force
+        return self._solution(len(self.targets), here.state)
+
+    def _step(self, here: Point, step: int, increment: float) -> tuple[Point, float]:
+        """The equilibrium at a target, and the increment, as a part of a step, to go on with."""
+        before = here.displacement.reshape(-1)[self.stepper.assembly.prescribed]
+        reached = 0.0
+        while reached < 1.0:
+            end = min(1.0, reached + increment)
+            values = self.targets[step] if end == 1.0 else before + end * (self.targets[step] - before)
+            residuals: list[float] = []
+            failure = ""
+            try:
+                here, self.before = self.stepper.attempt(here, values, self.before, self.used, residuals)
+            except ConvergenceError as error:
+                failure = str(error)
+            self.attempts.append(Attempt(step, reached, end, tuple(residuals), failure))
+            self.iterations[step] += len(residuals)
+            if not failure:
+                reached = end
+                increment = min(1.0, 2.0 * increment) if len(residuals) <= QUICK else increment
+                continue
+            self.cuts[step] += 1
+            increment = 0.5 * (end - reached)
+            if increment < self.stepper.smallest_increment:
+                raise LoadStepError(
+                    f"step {step}: no equilibrium found beyond {100.0 * reached:.3g} % of its way, with increments "
+                    f"down to {100.0 * (end - reached):.2g} %: {failure}; prescribe less, or in more steps",
+                    self._solution(step, here.state),
+                )
+        return here, increment
+
+    def _solution(self, converged: int, state: State) -> Solution:
+        return Solution(
+            self.displacement,
+            self.force,
+            self.iterations,
+            self.cuts,
+            np.arange(len(self.targets)) < converged,
+            dict(self.used),
+            state,
+            tuple(self.attempts),
+        )

@@ -1,0 +1,1 @@
+"""Hyperelastic laws of tissue behind one contract; import its modules by name."""
