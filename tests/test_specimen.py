@@ -55,7 +55,7 @@ def test_fibers_lie_in_the_slab_and_turn_towards_the_lower_rows():
     still = FiberField(deviation_degrees=0.0, tilt_degrees=0.0)
     specimen = synthetic_specimen(SLAB, still, MOTION, steps=1)
     centers = specimen.mesh.node_position[specimen.mesh.element_nodes].mean(axis=1)
-    outward = centers + [0.0, 0.0, SLAB.radius_mm]
+    outward = centers + np.array([0.0, 0.0, SLAB.radius_mm])
     outward[:, 1] = 0.0
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
     np.testing.assert_allclose((specimen.fiber_direction * outward).sum(axis=1), 0.0, atol=1e-14)

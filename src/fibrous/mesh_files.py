@@ -108,14 +108,16 @@ def _read_motion(path: Path, node_count: int) -> tuple[Index, Array]:
         raise MeshError(f"{path}: row {np.argmin(step)} has step {step.min()}; steps count from 1")
     absent = np.setdiff1d(np.arange(1, min(step.max(), len(step) + 1) + 1), step)
     if absent.size:
-        raise MeshError(f"{path}: has no rows of step {absent[0]}, though some of step {step.max()}; steps have no gaps")
+        raise MeshError(
+            f"{path}: has no rows of step {absent[0]}, though some of step {step.max()}; steps have no gaps"
+        )
     held, place = np.unique(node, return_inverse=True)
     counts = np.zeros((step.max(), len(held)), dtype=np.int64)
     np.add.at(counts, (step - 1, place), 1)
-    for bad, what in ((np.argwhere(counts > 1), "more than one displacement"), (np.argwhere(counts == 0), "none")):
-        if bad.size:
+    for wrong, what in ((np.argwhere(counts > 1), "more than one displacement"), (np.argwhere(counts == 0), "none")):
+        if wrong.size:
             raise MeshError(
-                f"{path}: node {held[bad[0, 1]]} has {what} at step {bad[0, 0] + 1}; "
+                f"{path}: node {held[wrong[0, 1]]} has {what} at step {wrong[0, 0] + 1}; "
                 f"every node of an enthesis needs one at each of the steps 1 to {step.max()}"
             )
     displacement = np.full((step.max(), node_count, 3), np.nan)
