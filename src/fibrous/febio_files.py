@@ -52,7 +52,7 @@ def feb(specimen: Specimen, C1: float, lame_lambda: float, C2: Array, C3: Array)
     _motion(root, specimen)
     _output(root)
     ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+    return b'<?xml version="1.0" encoding="utf-8"?>\n' + ElementTree.tostring(root, encoding="utf-8")
 
 
 def _control(root: ElementTree.Element, steps: int) -> None:
