@@ -229,6 +229,55 @@ MUTATIONS = [
         "residual += length * forces",
         "test_linear.py",
     ),
+    Mutation(
+        "sense of the bone's turn",
+        "specimen.py",
+        "arms @ (turns - np.eye(3)).swapaxes(1, 2)",
+        "arms @ (turns - np.eye(3))",
+        "test_specimen.py",
+    ),
+    Mutation(
+        "side of the rows where fibres are oblique",
+        "specimen.py",
+        "depth = 0.5 - flat[:, 1] / height_mm",
+        "depth = 0.5 + flat[:, 1] / height_mm",
+        "test_specimen.py",
+    ),
+    Mutation(
+        "tangent of the bent slab",
+        "specimen.py",
+        "np.stack([np.cos(turn), 0.0 * turn, -np.sin(turn)], axis=-1)",
+        "np.stack([np.cos(turn), 0.0 * turn, np.sin(turn)], axis=-1)",
+        "test_specimen.py",
+    ),
+    Mutation(
+        "Green-Lagrange strain",
+        "fe/fields.py",
+        "(right_cauchy_green(gradient) - np.eye(3))",
+        "(right_cauchy_green(gradient) + np.eye(3))",
+        "test_vtu_files.py",
+    ),
+    Mutation(
+        "maximum shear",
+        "fe/fields.py",
+        "principal[..., 2] - principal[..., 0]",
+        "principal[..., 2] + principal[..., 0]",
+        "test_vtu_files.py",
+    ),
+    Mutation(
+        "order of the families' weights for FEBio",
+        "febio_files.py",
+        "weights, axes = eigenvalues[:, ::-1], eigenvectors[..., ::-1]",
+        "weights, axes = eigenvalues, eigenvectors[..., ::-1]",
+        "test_febio_files.py",
+    ),
+    Mutation(
+        "second direction of a user's fibres",
+        "mesh_files.py",
+        "third = np.cross(first, transverse)",
+        "third = transverse - first",
+        "test_mesh_files.py",
+    ),
 ]
 
 
