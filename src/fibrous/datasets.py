@@ -105,11 +105,39 @@ SURFACE = {
     ),
 }
 
+SPECIMEN = {
+    "node_position": _variable("node axis", "f", "mm", "reference position"),
+    "element_nodes": _variable("element corner", "i", "1", "nodes at the element's corners, in the order of VTK"),
+    "element_network": _variable("element", "i", "1", "number of the element's network in the ensemble tissue"),
+    "structure_tensor": _variable("element axis axis_b", "f", "1", "structure tensor H asked of the element's network"),
+    "fiber_direction": _variable("element axis", "f", "1", "mean direction of the element's fibers, a unit vector"),
+    "enthesis": _variable("node", "i", "1", "0 for a node of none, 1 of the fixed, 2 of the moved enthesis"),
+    "prescribed_displacement": _variable(
+        "step node axis", "f", "mm", "displacement at the end of the step, NaN at nodes of no enthesis"
+    ),
+}
+
+TISSUE = {
+    "displacement": _variable("step node axis", "f", "mm", "displacement at the end of the step"),
+    "deformation_gradient": _variable("step element gauss_point axis axis_b", "f", "1", "deformation gradient F"),
+    "cauchy_stress": _variable(
+        "step element gauss_point axis axis_b", "f", "MPa", "Cauchy stress of matrix and fibers"
+    ),
+    "reaction_force": _variable("step enthesis axis", "f", "N", "force of the bone on the tissue"),
+    "newton_iterations": _variable("step", "i", "1", "Newton iterations spent on the step"),
+    "cuts": _variable("step", "i", "1", "times an increment of the step was halved"),
+    "converged": _variable("step", "b", "1", "whether the step's displacement was reached in equilibrium"),
+    "structure_tensor": _variable("element axis axis_b", "f", "1", "structure tensor H of the element's fibers"),
+    "C2": _variable("step element", "f", "MPa", "fiber modulus of the step, NaN in a law without it"),
+    "C3": _variable("step element", "f", "1", "fiber nonlinearity of the step, NaN in a law without it"),
+}
+
 # Coordinates of all kinds: unit and meaning. A coordinate that counts or names has no dimension.
 COORDINATES = {
     "network": ("1", "number of the network in its whole ensemble"),
     "deformation": ("1", "name of the load"),
-    "step": ("1", "step of the load, 0 at rest"),
+    "step": ("1", "step of the load; 0 is rest"),
+    "enthesis": ("1", "1 is the fixed, 2 the moved enthesis"),
     "protocol": ("1", "name of the protocol"),
     "load_set": ("1", "name of the load set"),
     "constant": ("1", "constant of Eq. 2; C3_eight is C3 without the term 22"),
@@ -132,6 +160,8 @@ KINDS: dict[str, dict[str, Variable]] = {
     "curves": CURVES,
     "states": STATES,
     "surface": SURFACE,
+    "specimen": SPECIMEN,
+    "tissue": TISSUE,
 }
 
 
