@@ -97,6 +97,8 @@ PLACES = {
     "curves": "curves/{ensemble}/{protocol}/{batch}.nc",
     "states": "states/{ensemble}/{network}_{protocol}.nc",
     "surface": "tables/surface.nc",
+    "specimen": "tissue/specimen.nc",
+    "tissue": "tissue/{model}.nc",
 }
 
 
