@@ -45,7 +45,11 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
         stepper_of,
         _networks(inputs["networks"], numbers, config["equilibrium"]),
         lambda curves: fit_constants(
-            curves, model["energy"], model["objective"], config["tension_only"], **config["fit"]
+            curves,
+            energy=model["energy"],
+            objective=model["objective"],
+            tension_only=config["tension_only"],
+            **config["fit"],
         ),
     )
     targets = specimen.prescribed.values
