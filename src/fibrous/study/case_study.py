@@ -60,7 +60,9 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
         print(f"{config['network']}, step {step}: no equilibrium was found; the state is left out", file=sys.stderr)
     compared = used & (path["step"].values > 0)
     if not compared.any():
-        raise DatasetError(f"{inputs['curves'][0]}: {config['network']} found no equilibrium beyond rest to compare with")
+        raise DatasetError(
+            f"{inputs['curves'][0]}: {config['network']} found no equilibrium beyond rest to compare with"
+        )
     about = {"model": NETWORK, **NOTHING}
     states = [_states(about, path, path["strain_energy_density"].values, network)[used]]
     errors = []
