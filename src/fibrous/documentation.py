@@ -52,6 +52,14 @@ _R_SQUARED = {
         "C3_r_squared_paper": "R² of the surface of C3, as printed",
     }.items()
 }
+_COMPONENTS = ("xx", "yy", "zz", "xy", "xz", "yz")
+_LAW = {
+    "model": ("", "name of the law in the config, or `network`"),
+    "constants": ("", "`initial` or `refit`; empty where nothing is fitted"),
+    "law": ("", "`families` (Eq. 10C), `structure_tensor` (Eq. 2) or `affine`; empty for the network"),
+    "energy": ("", "form of the energy that was fitted"),
+    "objective": ("", "what was fitted: `energy`, its `slope` in λ_f, or `stress`"),
+}
 TABLES: dict[str, dict[str, tuple[str, str]]] = {
     "fits/{ensemble}/{protocol}.csv": _FIT,
     "tables/table_1.csv": {
@@ -96,6 +104,27 @@ TABLES: dict[str, dict[str, tuple[str, str]]] = {
         "step": ("1", "its step"),
         "amplitude_limited": ("1", "whether the load was cut at the principal stretch's limit"),
         "newton_iterations": ("1", "iterations spent on it"),
+    },
+    "tables/section_2_6_stresses.csv": {
+        **_LAW,
+        "C2_MPa": ("MPa", "C2 of the law, empty in one without it"),
+        "C3": ("1", "C3 of the law, empty in one without it"),
+        "step": ("1", "step of the deformation; 0 is rest"),
+        "magnitude": ("1", "part of the way from rest to Eq. 9's F"),
+        "averaged_stretch": ("1", "averaged fiber stretch √(H:C) of the network"),
+        "strain_energy_density_MPa": ("MPa", "strain energy density of the fibers"),
+        **{f"sigma_{name}_MPa": ("MPa", "Cauchy stress of the fibers alone") for name in _COMPONENTS},
+    },
+    "tables/section_2_6_errors.csv": {
+        **_LAW,
+        "component": ("", "component of Cauchy stress, or `all` for the tensor by its Frobenius norm"),
+        "points_used": ("1", "steps compared: those after rest in which the network found an equilibrium"),
+        "rms_error_MPa": ("MPa", "root mean square of law less network over these steps"),
+        "rms_network_MPa": ("MPa", "root mean square of the network's stress over these steps"),
+        "relative_rms_error": ("1", "their ratio"),
+        "largest_error_MPa": ("MPa", "largest absolute difference"),
+        "end_error_MPa": ("MPa", "law less network at the last of these steps; of `all`, the size of the difference"),
+        "r_squared": ("1", "coefficient of determination of the fit that gave the constants"),
     },
 }
 PLACES = {

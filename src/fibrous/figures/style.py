@@ -78,6 +78,10 @@ SHEET: dict[Any, Any] = {
 _LOAD_COLORS = ("#000000", "#0072B2", "#56B4E9", "#D55E00", "#E69F00", "#009E73", "#CC79A7")
 _LOAD_MARKERS = ("o", "s", "D", "^", "v", "<", "P")
 
+# Laws that are compared: the line says the same again as the colour.
+_MODEL_COLORS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+_MODEL_LINES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (5, 1.5, 1, 1.5)), (0, (1.5, 1.2)), (0, (3, 3)), "-.")
+
 # Blue where a fibre is shorter than at rest, grey at rest (white would vanish on paper), red-brown where it is longer.
 _STRETCH_MAP = LinearSegmentedColormap.from_list(
     "fiber_stretch", ["#08306b", "#2b7bba", "#c9c9c9", "#e06a1b", "#7f1d00"], N=256
@@ -133,6 +137,12 @@ def load_style(number: int) -> dict[str, Any]:
     """Colour and marker of the load with that number in its protocol."""
     number %= len(_LOAD_COLORS)
     return {"color": _LOAD_COLORS[number], "marker": _LOAD_MARKERS[number]}
+
+
+def model_style(number: int) -> dict[str, Any]:
+    """Colour and line of the law with that number in its table."""
+    number %= len(_MODEL_COLORS)
+    return {"color": _MODEL_COLORS[number], "ls": _MODEL_LINES[number]}
 
 
 def fit_style(number: int) -> dict[str, Any]:

@@ -1,0 +1,179 @@
+"""The specimen: its fibres, the constants fitted to its networks, and what the last load step makes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.gridspec import GridSpecFromSubplotSpec, SubplotSpec
+
+from fibrous.datasets import read, write_table
+from fibrous.deformation import largest_principal_stretch
+from fibrous.errors import DatasetError
+from fibrous.fe.fields import maximum_shear
+from fibrous.figures import style
+from fibrous.figures.projection import Camera, draw_axes_cross, fit_view
+from fibrous.figures.surface_of_mesh import Surface, common_scale, draw_directions, draw_edges, draw_surface
+
+CAMERA = Camera.looking_from(azimuth_deg=-74.0, elevation_deg=50.0)
+# Columns of panels that show each run: letter, column of the table, label of the colours.
+FIELDS = {
+    "b": ("C2_MPa", "$C_2$ (MPa)"),
+    "c": ("C3", "$C_3$ (1)"),
+    "d": ("largest_principal_stretch", "largest principal stretch (1)"),
+}
+DEFORMED = "d"
+BONES = {1: "fixed\nbone", 2: "moved\nbone"}
+
+
+@dataclass(frozen=True)
+class Run:
+    """The last load step of one run: node positions, shape (nodes, 3), mm, and numbers of each element by name."""
+
+    name: str
+    step: int
+    position: np.ndarray
+    elements: Mapping[str, np.ndarray]
+
+
+def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
+    """Draw inputs["specimen"] and the runs inputs["tissue"], named after their files.
+
+    Writes outputs["data"], a row an element, and outputs["png"], outputs["svg"]. Raises DatasetError where a run is not
+    one of this specimen.
+    """
+    specimen = read(inputs["specimen"][0], "specimen")
+    runs = [last_step(path, specimen) for path in inputs["tissue"]]
+    write_table(element_table(specimen, runs), outputs["data"], params)
+    style.save(draw(specimen, runs), outputs, params)
+
+
+def last_step(path: Path, specimen: xr.Dataset) -> Run:
+    """The last load step of the run in the file at `path`, which is named after the run."""
+    tissue = read(path, "tissue")
+    for name in ("node", "element"):
+        if tissue.sizes[name] != specimen.sizes[name]:
+            raise DatasetError(
+                f"{path}: has {tissue.sizes[name]} {name}s where the specimen has {specimen.sizes[name]}; "
+                "delete it and run again"
+            )
+    last = tissue.isel(step=-1)
+    return Run(
+        path.stem,
+        int(last["step"]),
+        specimen["node_position"].values + last["displacement"].values,
+        {
+            "C2_MPa": last["C2"].values,
+            "C3": last["C3"].values,
+            "largest_principal_stretch": largest_principal_stretch(last["deformation_gradient"].values).mean(axis=1),
+            "maximum_shear_stress_MPa": maximum_shear(last["cauchy_stress"].values).mean(axis=1),
+        },
+    )
+
+
+def element_table(specimen: xr.Dataset, runs: list[Run]) -> pd.DataFrame:
+    """One row an element: the largest eigenvalue of H, and the numbers of each run under the run's name."""
+    columns = {
+        "element": np.arange(specimen.sizes["element"]),
+        "H_largest": np.linalg.eigvalsh(specimen["structure_tensor"].values)[:, -1],
+    }
+    for one in runs:
+        columns |= {f"{one.name}_{name}": values for name, values in one.elements.items()}
+    return pd.DataFrame(columns)
+
+
+@matplotlib.rc_context(style.SHEET)
+def draw(specimen: xr.Dataset, runs: list[Run]) -> Figure:
+    """Panel a, the specimen at rest, beside one row of panels for each run."""
+    figure = style.new_figure(style.FULL_WIDTH_MM, 20.0 + 46.0 * len(runs))
+    bottom, top = 16.0 / (20.0 + 46.0 * len(runs)), 0.95
+    columns = figure.add_gridspec(
+        1, 4, left=0.01, right=0.995, bottom=bottom, top=top, wspace=0.08, width_ratios=[1.4, 1, 1, 1]
+    )
+    surface = Surface.of(specimen["element_nodes"].values)
+    rest = specimen["node_position"].values
+    edges = surface.sharp_edges(rest)
+    _draw_fibers(figure, columns[0], specimen, surface)
+    for number, (letter, (name, label)) in enumerate(FIELDS.items(), start=1):
+        colors = _colors([one.elements[name] for one in runs])
+        cells = GridSpecFromSubplotSpec(len(runs), 1, columns[number], hspace=0.1)
+        for row, one in enumerate(runs):
+            axes = figure.add_subplot(cells[row])
+            position = one.position if letter == DEFORMED else rest
+            draw_surface(axes, CAMERA, surface, position, one.elements[name], colors)
+            draw_edges(axes, CAMERA, position, edges, style.INK, width=0.4, order=1)
+            if letter == DEFORMED:
+                draw_edges(axes, CAMERA, rest, edges, style.INK, width=0.4, order=3)
+            _fit(axes, [rest, *(other.position for other in runs)])
+            axes.set_title(one.name.replace("_", " "), pad=1.0)
+            style.panel_letter(axes, f"{letter}{row + 1}", dx_mm=4.0)
+        _draw_bar(figure, columns[number], colors, label)
+    note = f"{specimen.attrs['origin'].capitalize()}. a: at rest, lines are the mean directions of fibres. "
+    note += f"d: means over the elements at load step {runs[0].step}; lines are the edges at rest."
+    figure.text(0.012, 0.01, note, fontsize=6.0)
+    return figure
+
+
+def _draw_fibers(figure: Figure, spec: SubplotSpec, specimen: xr.Dataset, surface: Surface) -> None:
+    axes = figure.add_subplot(spec)
+    rest = specimen["node_position"].values
+    largest = np.linalg.eigvalsh(specimen["structure_tensor"].values)[:, -1]
+    colors = _colors([largest])
+    draw_surface(axes, CAMERA, surface, rest, largest, colors, mesh_width=0.15)
+    draw_directions(axes, CAMERA, surface, rest, specimen["fiber_direction"].values, width=0.6)
+    draw_edges(axes, CAMERA, rest, surface.sharp_edges(rest), style.INK, width=0.6, order=1)
+    _name_bones(axes, specimen)
+    _draw_scale(axes, rest)
+    style.panel_letter(axes, "a", dx_mm=4.0)
+    _draw_bar(figure, spec, colors, "largest eigenvalue of $H$ (1)")
+
+
+def _name_bones(axes: Axes, specimen: xr.Dataset) -> None:
+    """Write beside each enthesis what its bone does, away from the middle of the specimen."""
+    points, _ = CAMERA.project(specimen["node_position"].values)
+    middle = points.mean(axis=0)
+    for enthesis, text in BONES.items():
+        there = points[specimen["enthesis"].values == enthesis].mean(axis=0)
+        side = float(np.sign(there[0] - middle[0]))
+        place = {"xytext": (side * 9.0, 0.0), "textcoords": "offset points", "va": "center"}
+        axes.annotate(text, tuple(there), ha="left" if side > 0.0 else "right", fontsize=6.5, **place)
+
+
+def _draw_scale(axes: Axes, rest: np.ndarray) -> None:
+    """Draw a bar of a round length and the axes' directions below the body, and show all of it."""
+    points, _ = CAMERA.project(rest)
+    (left, low), (right, high) = points.min(axis=0), points.max(axis=0)
+    width, y = right - left, low - 0.2 * (high - low)
+    power = 10.0 ** np.floor(np.log10(0.4 * width))
+    length = power * max(digit for digit in (1, 2, 5) if digit * power <= 0.4 * width)
+    start = left + 0.5 * width
+    axes.plot([start, start + length], [y, y], color=style.INK, lw=1.2, solid_capstyle="butt")
+    axes.text(start + 0.5 * length, y - 0.02 * (high - low), f"{length:g} mm", ha="center", va="top", fontsize=6.5)
+    draw_axes_cross(axes, CAMERA, np.array([left + 0.1 * width, y]), 0.2 * width)
+    fit_view(axes, np.array([[left - 0.12 * width, low - 0.25 * (high - low)], [right + 0.12 * width, high]]))
+
+
+def _colors(values: list[np.ndarray]) -> ScalarMappable:
+    return ScalarMappable(Normalize(*common_scale(values)), "viridis")
+
+
+def _fit(axes: Axes, positions: list[np.ndarray]) -> None:
+    """Show all of these bodies, each of shape (nodes, 3), so that panels with the same ones share their scale."""
+    points, _ = CAMERA.project(np.concatenate(positions))
+    fit_view(axes, points, margin=0.02)
+
+
+def _draw_bar(figure: Figure, spec: SubplotSpec, colors: ScalarMappable, label: str) -> None:
+    box = spec.get_position(figure)
+    bar = figure.add_axes((box.x0 + 0.12 * box.width, box.y0 - 0.03, 0.76 * box.width, 0.014))
+    figure.colorbar(colors, cax=bar, orientation="horizontal", label=label)

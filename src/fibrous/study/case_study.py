@@ -1,0 +1,180 @@
+"""Rule `case_study`: one network against the laws fitted to it, under a deformation they were not fitted to (2.6)."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from fibrous import datasets
+from fibrous.errors import DatasetError, naming
+from fibrous.material_point import COMPONENTS, along_path, stress_errors
+from fibrous.materials.affine_fibers import AffineFibers
+from fibrous.materials.contract import Material
+from fibrous.materials.hgo import HGOFamilies, HGOStructureTensor
+from fibrous.networks.fiber_law import FiberLaw
+from fibrous.networks.homogenization import stress_scale
+from fibrous.study.fits import ALL, SINGLE, TENSOR_COLUMNS
+from fibrous.study.loading import unpacked
+
+NETWORK = "network"  # in the column `model`
+INITIAL, REFIT = "initial", "refit"
+FIT_COLUMNS = (
+    "name", "load_set", "deformation", "energy", "objective", *TENSOR_COLUMNS, "C2_MPa", "C3", "r_squared",
+)  # fmt: skip
+# Section 2.5 fits the slope where an energy fit is poor; it stays the energy's fit.
+OBJECTIVES = {"energy": ("energy", "slope"), "stress": ("stress",)}
+NOTHING = {"constants": "", "law": "", "energy": "", "objective": "", "C2_MPa": np.nan, "C3": np.nan}
+
+
+@dataclass(frozen=True)
+class _Model:
+    """A law with its constants, and what the tables say of it."""
+
+    about: dict[str, Any]
+    material: Material
+    r_squared: float
+
+
+def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
+    """Cauchy stress of the fibres along the one deformation of inputs["curves"]: the network's and every law's.
+
+    inputs["fits"] holds the fits to many loads, then those to this deformation alone; inputs["networks"] the network's
+    fibres. The config holds the `network`'s name, the `load_set` of the initial fits, `tension_only` and `models`, of
+    which those count here whose constants are fitted, and the affine fibres. Writes outputs["stresses"], a row a state,
+    and outputs["errors"], a row for each law and component over the steps after rest. States in which the network found
+    no equilibrium are left out of its rows and of the errors, and named on stderr.
+    Raises DatasetError where a file does not hold what is asked of it, MaterialError for constants that are none.
+    """
+    config = params["config"]
+    path = _path_of(inputs["curves"][0], config["network"])
+    network = path["cauchy_stress"].values
+    used = path["converged"].values
+    for step in path["step"].values[~used]:
+        print(f"{config['network']}, step {step}: no equilibrium was found; the state is left out", file=sys.stderr)
+    compared = used & (path["step"].values > 0)
+    if not compared.any():
+        raise DatasetError(
+            f"{inputs['curves'][0]}: {config['network']} found no equilibrium beyond rest to compare with"
+        )
+    about = {"model": NETWORK, **NOTHING}
+    states = [_states(about, path, path["strain_energy_density"].values, network)[used]]
+    errors = []
+    for model in _models(inputs, config, str(path["deformation"].item())):
+        response = along_path(model.material, path["deformation_gradient"].values)
+        states.append(_states(model.about, path, response.strain_energy_density, response.cauchy_stress))
+        errors += _errors(model, response.cauchy_stress[compared], network[compared])
+    datasets.write_table(pd.concat(states, ignore_index=True), outputs["stresses"], params)
+    datasets.write_table(pd.DataFrame(errors), outputs["errors"], params)
+
+
+def _path_of(path: Path, name: str) -> xr.Dataset:
+    """The states of the network of that name under the only deformation of a file of curves."""
+    curves = datasets.read(path, "curves")
+    if curves.sizes["deformation"] != 1:
+        raise DatasetError(f"{path}: holds {curves.sizes['deformation']} deformations where the case study has one")
+    return curves.isel(network=_number_of(curves, name, path), deformation=0)
+
+
+def _number_of(dataset: xr.Dataset, name: str, path: Path) -> int:
+    found = np.flatnonzero(dataset["name"].values == name)
+    if found.size != 1:
+        raise DatasetError(f"{path}: holds {found.size} networks named '{name}' where the case study has one")
+    return int(found[0])
+
+
+def _models(inputs: Mapping[str, list[Path]], config: Mapping[str, Any], deformation: str) -> Iterator[_Model]:
+    """The laws of the config, in its order; one that is fitted again comes twice."""
+    groups = {INITIAL: (config["load_set"], ALL), REFIT: (SINGLE, deformation)}
+    fits = dict(zip(groups, inputs["fits"], strict=True))
+    for entry in config["models"]:
+        if entry["law"] == "affine":
+            about = {"model": entry["name"], **NOTHING, "law": entry["law"]}
+            yield _Model(about, _affine_fibers(inputs["networks"][0], config["network"]), np.nan)
+        elif entry.get("constants") == "fit":
+            for constants in (INITIAL, REFIT) if entry["refit"] else (INITIAL,):
+                with naming(f"{fits[constants]}: model '{entry['name']}'"):
+                    row = _row(datasets.read_table(fits[constants], FIT_COLUMNS), config, entry, groups[constants])
+                    yield _fitted(row, entry, constants, config["tension_only"])
+
+
+def _row(
+    fits: pd.DataFrame, config: Mapping[str, Any], entry: Mapping[str, Any], group: tuple[str, str]
+) -> dict[Any, Any]:
+    """The one row with the constants of a model."""
+    found = fits[
+        (fits["name"] == config["network"])
+        & (fits["load_set"] == group[0])
+        & (fits["deformation"] == group[1])
+        & (fits["energy"] == entry["energy"])
+        & fits["objective"].isin(OBJECTIVES[entry["objective"]])
+    ]
+    if len(found) != 1:
+        raise DatasetError(
+            f"{len(found)} fits of '{config['network']}' to {group[0]}, {group[1]}, with the energy {entry['energy']} "
+            f"and the objective {entry['objective']}, where one is needed; delete the table and run again"
+        )
+    return found.to_dict("records")[0]
+
+
+def _fitted(row: Mapping[Any, Any], entry: Mapping[str, Any], constants: str, tension_only: bool) -> _Model:
+    H = np.empty((3, 3))
+    for column, (i, j) in TENSOR_COLUMNS.items():
+        H[i, j] = H[j, i] = row[column]
+    C2, C3 = row["C2_MPa"], row["C3"]
+    material: Material
+    if entry["law"] == "families":
+        material = HGOFamilies.of_structure_tensor(H, C2, C3, tension_only)
+    else:
+        material = HGOStructureTensor(C2, C3, H, tension_only)
+    about = {"model": entry["name"], "constants": constants, "law": entry["law"], "energy": entry["energy"]}
+    return _Model({**about, "objective": row["objective"], "C2_MPa": C2, "C3": C3}, material, row["r_squared"])
+
+
+def _affine_fibers(path: Path, name: str) -> AffineFibers:
+    """The fibres of the network of that name in a file of networks, all stretched with F."""
+    dataset = datasets.read(path, "networks")
+    constants = dataset.attrs
+    beyond = float(constants["fiber_linear_beyond_stretch"])
+    law = FiberLaw(float(constants["fiber_nonlinearity"]), np.inf if np.isnan(beyond) else beyond)
+    scale = stress_scale(
+        float(constants["fiber_modulus_MPa"]), float(constants["fiber_radius_um"]), float(constants["edge_length_um"])
+    )
+    with naming(str(path)):
+        network = unpacked(dataset)[_number_of(dataset, name, path)]
+    return AffineFibers.of_networks([network], law, scale)
+
+
+def _states(about: Mapping[str, Any], path: xr.Dataset, energy: np.ndarray, stress: np.ndarray) -> pd.DataFrame:
+    """Rows of the table of stresses, one a step."""
+    states = {
+        "step": path["step"].values,
+        "magnitude": path["magnitude"].values,
+        "averaged_stretch": path["averaged_stretch"].values,
+        "strain_energy_density_MPa": energy,
+        **{f"sigma_{name}_MPa": stress[:, i, j] for name, (i, j) in COMPONENTS.items()},
+    }
+    return pd.DataFrame({**about, **states})
+
+
+def _errors(model: _Model, stress: np.ndarray, network: np.ndarray) -> Iterator[dict[str, Any]]:
+    """Rows of the table of errors, one a component."""
+    about = {key: model.about[key] for key in ("model", "constants", "law", "energy", "objective")}
+    for component, error in stress_errors(stress, network).items():
+        yield {
+            **about,
+            "component": component,
+            "points_used": len(network),
+            "rms_error_MPa": error.rms_error,
+            "rms_network_MPa": error.rms_reference,
+            "relative_rms_error": error.relative_rms_error,
+            "largest_error_MPa": error.largest_error,
+            "end_error_MPa": error.end_error,
+            "r_squared": model.r_squared,
+        }
