@@ -145,8 +145,15 @@ def _name_bones(axes: Axes, specimen: xr.Dataset) -> None:
     for enthesis, text in BONES.items():
         there = points[specimen["enthesis"].values == enthesis].mean(axis=0)
         side = float(np.sign(there[0] - middle[0]))
-        place = {"xytext": (side * 9.0, 0.0), "textcoords": "offset points", "va": "center"}
-        axes.annotate(text, tuple(there), ha="left" if side > 0.0 else "right", fontsize=6.5, **place)
+        axes.annotate(
+            text,
+            tuple(there),
+            xytext=(side * 9.0, 0.0),
+            textcoords="offset points",
+            ha="left" if side > 0.0 else "right",
+            va="center",
+            fontsize=6.5,
+        )
 
 
 def _draw_scale(axes: Axes, rest: np.ndarray) -> None:

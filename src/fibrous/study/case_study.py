@@ -61,11 +61,11 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     compared = used & (path["step"].values > 0)
     if not compared.any():
         raise DatasetError(
-            f"{inputs['curves'][0]}: {config['network']} found no equilibrium beyond rest to compare with"
+            f"{inputs['curves'][0]}: {config['network']} found no equilibrium beyond rest; load it in more steps"
         )
     about = {"model": NETWORK, **NOTHING}
     states = [_states(about, path, path["strain_energy_density"].values, network)[used]]
-    errors = []
+    errors: list[dict[str, Any]] = []
     for model in _models(inputs, config, str(path["deformation"].item())):
         response = along_path(model.material, path["deformation_gradient"].values)
         states.append(_states(model.about, path, response.strain_energy_density, response.cauchy_stress))
