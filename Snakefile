@@ -21,6 +21,7 @@ include: "workflow/rules/surrogates.smk"
 
 if config["network"] != "file":
 
+    include: "workflow/rules/tissue.smk"
     include: "workflow/rules/figures.smk"
 
 

@@ -164,6 +164,8 @@ def write_fits(path: Path, tensors: np.ndarray, names: list[str], seed: int) -> 
             bound = b < 0.1
             components = dict(zip(("H11", "H22", "H33"), np.diag(tensor), strict=True))
             fit = {
+                "energy": "structure_tensor",
+                "objective": "energy",
                 "lambda_f_max": 1.5,
                 "C2_MPa": a,
                 "C3": 0.0 if bound else b,
@@ -173,7 +175,10 @@ def write_fits(path: Path, tensors: np.ndarray, names: list[str], seed: int) -> 
                 "rule": "energy",
             }
             row = {"network": number, "load_set": load_set["name"], "deformation": "all", "name": names[number]}
+            other = {"C2_MPa": 1e3 * a, "C3": 40.0}  # no panel draws the fits that follow
             rows += [row | components | fit, row | components | fit | {"load_set": "single", "deformation": LOADS[0]}]
+            rows += [row | components | fit | other | {"energy": "families"}]
+            rows += [row | components | fit | other | {"objective": "stress", "rule": "stress"}]
     write_table(pd.DataFrame(rows), path, params(0))
 
 

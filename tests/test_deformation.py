@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from fibrous.deformation import Load, averaged_stretch, largest_principal_stretch, load_paths, matching_magnitude
+from fibrous.deformation import (
+    Load,
+    LoadEnd,
+    averaged_stretch,
+    largest_principal_stretch,
+    load_paths,
+    matching_magnitude,
+)
 from fibrous.errors import LoadError
 
 LOADS = [
@@ -87,13 +94,15 @@ def test_matching_takes_the_crossing_that_stays_above():
 
 
 def test_a_load_that_would_stretch_too_far_ends_at_the_limit():
-    paths = load_paths([("x_uniaxial", 1.8), ("yz_shear", None)], np.diag([0.80, 0.05, 0.15]), 20, 3.5)
+    paths = load_paths([LoadEnd("x_uniaxial", 1.8), LoadEnd("yz_shear")], np.diag([0.80, 0.05, 0.15]), 20, 3.5)
     assert [path.amplitude_limited for path in paths] == [False, True]
     assert largest_principal_stretch(paths[1].gradients)[-1] == pytest.approx(3.5, rel=1e-12)
 
 
 def test_paths_grow_linearly_and_end_at_one_averaged_stretch():
-    paths = load_paths([("x_uniaxial", 1.8), ("xy_biaxial", None), ("xz_shear", None), ("xy_shear", 0.15)], H, 20, 3.5)
+    paths = load_paths(
+        [LoadEnd("x_uniaxial", 1.8), LoadEnd("xy_biaxial"), LoadEnd("xz_shear"), LoadEnd("xy_shear", 0.15)], H, 20, 3.5
+    )
     ends = [averaged_stretch(path.gradients[-1], H) for path in paths]
     np.testing.assert_allclose(ends[:3], ends[0], rtol=1e-12)
     assert paths[3].magnitudes[-1] == 0.15
@@ -104,6 +113,6 @@ def test_paths_grow_linearly_and_end_at_one_averaged_stretch():
 
 def test_a_load_that_never_reaches_the_target_is_refused():
     with pytest.raises(LoadError, match="never has the averaged stretch"):
-        load_paths([("x_uniaxial", 0.9), ("xy_shear", None)], np.diag([0.6, 0.3, 0.1]), 5, 3.5)
+        load_paths([LoadEnd("x_uniaxial", 0.9), LoadEnd("xy_shear")], np.diag([0.6, 0.3, 0.1]), 5, 3.5)
     with pytest.raises(LoadError, match="needs a magnitude"):
-        load_paths([("x_uniaxial", None)], H, 5, 3.5)
+        load_paths([LoadEnd("x_uniaxial")], H, 5, 3.5)

@@ -7,32 +7,37 @@ import pytest
 from fibrous import datasets
 from fibrous.deformation import Load, averaged_stretch, load_path
 from fibrous.errors import ConfigError, DatasetError
-from fibrous.fitting.hgo import strain_energy
+from fibrous.materials.hgo import HGOStructureTensor
 from fibrous.study import fits
 
+QUANTITIES = ("energy", "stress")
 CONFIG = {"largest_C3": 50.0, "slope_fit_below_r_squared": 0.5}
+EQ_2 = [{"energy": "structure_tensor", "objective": "energy"}]
+FORMS = [{"energy": law, "objective": quantity} for law in ("structure_tensor", "families") for quantity in QUANTITIES]
 LOADS = ["x_uniaxial", "xy_biaxial", "xz_biaxial", "xy_shear", "xz_shear"]
 
 
 def curves_file(path, numbers, unconverged=(), names=None):
-    """Curves of networks whose energy is Eq. 2 with C2 = 0.1 (number + 1) and C3 = 1 + number."""
+    """Curves of networks that answer as Eq. 2 does with C2 = 0.1 (number + 1) and C3 = 1 + number."""
     loads = [*LOADS, "yz_shear"]
     shape = (len(numbers), len(loads), 11)
     F, magnitude, stretch, energy = np.zeros((*shape, 3, 3)), np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    stress = np.zeros_like(F)
     tensors = np.array([np.diag([0.5 + 0.02 * k, 0.3 - 0.01 * k, 0.2 - 0.01 * k]) for k in numbers])
     for n, number in enumerate(numbers):
+        law = HGOStructureTensor(0.1 * (number + 1), 1.0 + number, tensors[n])
         for j, load in enumerate(loads):
             magnitude[n, j], F[n, j] = load_path(Load.parse(load), 0.8 if "shear" in load else 1.3, 10)
             stretch[n, j] = averaged_stretch(F[n, j], tensors[n])
-            energy[n, j] = strain_energy(0.1 * (number + 1), 1.0 + number, stretch[n, j])
+            energy[n, j], stress[n, j] = law.energy(F[n, j]), law(F[n, j])[0] @ np.swapaxes(F[n, j], -1, -2)
     converged = np.ones(shape, bool)
     for state in unconverged:
         converged[state] = False
-    energy[~converged] = 1e6  # must not reach a fit
+    energy[~converged], stress[~converged] = 1e6, 1e6  # must not reach a fit
     zeros = np.zeros(shape)
     arrays = {
         "deformation_gradient": F, "magnitude": magnitude, "averaged_stretch": stretch, "strain_energy_density": energy,
-        "cauchy_stress": np.zeros_like(F), "first_piola_kirchhoff_stress": np.zeros_like(F),
+        "cauchy_stress": stress, "first_piola_kirchhoff_stress": np.zeros_like(F),
         "largest_orientation_eigenvalue": zeros, "newton_iterations": zeros.astype(int), "cuts": zeros.astype(int),
         "converged": converged, "amplitude_limited": np.zeros(shape[:2], bool), "structure_tensor": tensors,
         "name": np.array(names or [""] * len(numbers)),
@@ -43,12 +48,12 @@ def curves_file(path, numbers, unconverged=(), names=None):
     return path
 
 
-def run_fits(paths, output):
+def run_fits(paths, output, forms=EQ_2, tension_only=True):
     load_sets = [
         {"name": "section_3_1", "loads": LOADS},
         {"name": "section_2_3", "loads": [*LOADS[:4], "yz_shear"]},
     ]
-    config = {"fit": CONFIG, "load_sets": load_sets, "protocol": "large"}
+    config = {"fit": CONFIG, "forms": forms, "tension_only": tension_only, "load_sets": load_sets, "protocol": "large"}
     params = {"stage": "fibrous.study.fits", "config": config, "code_hash": ""}
     fits.run({"curves": paths}, {"fits": output}, params)
     return pd.read_csv(output, keep_default_na=True)
@@ -73,6 +78,38 @@ def test_the_stage_fits_load_sets_and_loads_and_does_not_depend_on_batches(tmp_p
     np.testing.assert_allclose(pooled["H11"], 0.5 + 0.02 * pooled["network"])
 
 
+def test_every_form_has_its_rows_after_one_another_and_its_own_constants(tmp_path):
+    path = curves_file(tmp_path / "c.nc", [0, 1], unconverged=[(0, 0, 7)])
+    table = run_fits([path], tmp_path / "all.csv", FORMS)
+    forms = [(form["energy"], form["objective"]) for form in FORMS for _ in range(8)]
+    assert list(zip(table["energy"], table["objective"], strict=True)) == 2 * forms
+    assert list(table["network"]) == 32 * [0] + 32 * [1]
+    eq_2 = table[table["energy"] == "structure_tensor"]
+    np.testing.assert_allclose(eq_2["C2_MPa"], 0.1 * (eq_2["network"] + 1.0), rtol=1e-6)
+    np.testing.assert_allclose(eq_2["C3"], 1.0 + eq_2["network"], rtol=1e-6)
+    assert eq_2["r_squared"].min() > 1.0 - 1e-9
+    # Eq. 10C is the stiffer with the same constants, so fitted to the same energy its constants are smaller.
+    pooled = table[(table["deformation"] == "all") & (table["objective"] == "energy")].set_index(
+        ["network", "load_set"]
+    )
+    families, averaged = (pooled[pooled["energy"] == name] for name in ("families", "structure_tensor"))
+    assert (families["C2_MPa"] < averaged["C2_MPa"]).all()
+    assert families["r_squared"].lt(0.99).all()
+    for form in FORMS:
+        alone = run_fits([path], tmp_path / "one.csv", [form])
+        rows = (table["energy"] == form["energy"]) & (table["objective"] == form["objective"])
+        pd.testing.assert_frame_equal(alone, table[rows].reset_index(drop=True), check_exact=True)
+
+
+def test_tension_only_or_as_printed_reaches_the_families_alone(tmp_path):
+    path = curves_file(tmp_path / "c.nc", [2])
+    one, other = (run_fits([path], tmp_path / f"{switch}.csv", FORMS, switch) for switch in (True, False))
+    eq_2 = one["energy"] == "structure_tensor"
+    pd.testing.assert_frame_equal(one[eq_2], other[eq_2], check_exact=True)
+    pooled = ~eq_2 & (one["deformation"] == "all")  # loads that shorten a family stand in every set
+    assert (one[pooled]["C2_MPa"] > other[pooled]["C2_MPa"]).all()
+
+
 def test_the_stage_names_and_leaves_out_states_without_equilibrium(tmp_path, capsys):
     path = curves_file(tmp_path / "c.nc", [4, 5], unconverged=[(1, 2, 7)], names=["left", "right"])
     table = run_fits([path], tmp_path / "fits.csv").set_index(["network", "load_set", "deformation"])
@@ -88,8 +125,9 @@ def test_the_stage_names_and_leaves_out_states_without_equilibrium(tmp_path, cap
 def test_the_stage_refuses_what_does_not_belong_together(tmp_path):
     path = curves_file(tmp_path / "c.nc", [0])
     with pytest.raises(DatasetError, match="network 0"):
-        run_fits([path, path], tmp_path / "fits.csv")
-    config = {"fit": CONFIG, "load_sets": [{"name": "a", "loads": ["y_uniaxial"]}], "protocol": "large"}
+        run_fits([path, path], tmp_path / "fits.csv", FORMS)
+    load_sets = [{"name": "a", "loads": ["y_uniaxial"]}]
+    config = {"fit": CONFIG, "forms": EQ_2, "tension_only": True, "load_sets": load_sets, "protocol": "large"}
     with pytest.raises(ConfigError, match="y_uniaxial"):
         fits.run({"curves": [path]}, {"fits": tmp_path / "fits.csv"}, {"stage": "", "config": config, "code_hash": ""})
     assert not (tmp_path / "fits.csv").exists()

@@ -23,7 +23,7 @@ def matrix_of(eigenvalues, rng) -> csr_array:
         ("direct", np.linspace(1.0, 50.0, 40), "direct"),
         ("cg", np.linspace(1.0, 50.0, 40), "cg"),
         ("auto", np.linspace(1.0, 50.0, 40), "direct"),
-        ("cg", np.linspace(-1.0, 50.0, 40), "direct"),
+        ("cg", np.linspace(-1.0, 50.0, 40), "cg"),
         ("cg", -np.linspace(1.0, 50.0, 40), "direct"),
     ],
 )

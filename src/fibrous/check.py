@@ -19,6 +19,8 @@ from fibrous.errors import DatasetError
 from fibrous.provenance import config_hash
 from fibrous.study.stages import Config, expected_files, stage_params
 
+# Files with no place for provenance have it beside them.
+WITH_COMPANION = (".csv", ".vtu", ".feb")
 DESCRIPTION = "{http://purl.org/dc/elements/1.1/}description"
 
 
@@ -33,11 +35,13 @@ def check(config: Config, folder: Path) -> tuple[list[str], int]:
         fault = _fault(folder / path, stage_params(stage, config, wildcards))
         if fault:
             lines.append(f"{path}: {fault}")
-    sidecars = {Path(f"{path}.json") for path in expected if path.suffix == ".csv"}
+    sidecars = {Path(f"{path}.json") for path in expected if path.suffix in WITH_COMPANION}
     for found in sorted((folder / "results").rglob("*")):
         path = found.relative_to(folder)
         if found.is_file() and path not in expected and path not in sidecars:
-            lines.append(f"{path}: foreign, no stage of this study writes it")
+            failed = path.name.endswith(".failed.nc")
+            what = "the converged part of a run that failed" if failed else "foreign, no stage of this study writes it"
+            lines.append(f"{path}: {what}")
     return lines, len(expected)
 
 
@@ -61,7 +65,7 @@ def _fault(path: Path, params: Mapping[str, Any]) -> str:
 
 
 def _attributes(path: Path) -> dict[str, Any]:
-    """The attributes that a NetCDF, a PNG, an SVG or the companion of a CSV holds.
+    """The attributes that a NetCDF, a PNG, an SVG or the companion of another file holds.
 
     Raises DatasetError where there are none, or the content is not whole.
     """
@@ -69,7 +73,7 @@ def _attributes(path: Path) -> dict[str, Any]:
         if path.suffix == ".nc":
             with xr.open_dataset(path, engine="h5netcdf") as dataset:
                 return dict(dataset.attrs)
-        if path.suffix == ".csv":
+        if path.suffix in WITH_COMPANION:
             companion = json.loads(Path(f"{path}.json").read_text(encoding="utf-8"))
             if companion["sha256"] != hashlib.sha256(path.read_bytes()).hexdigest():
                 raise DatasetError("not the content that was written")

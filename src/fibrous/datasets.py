@@ -53,7 +53,7 @@ NETWORKS = {
 
 CURVES = {
     "deformation_gradient": _variable("network deformation step axis axis_b", "f", "1", "deformation gradient F"),
-    "magnitude": _variable("network deformation step", "f", "1", "stretch, or amount of shear, of the load"),
+    "magnitude": _variable("network deformation step", "f", "1", "stretch, amount of shear, or part of the way"),
     "averaged_stretch": _variable("network deformation step", "f", "1", "averaged fiber stretch √(H:C)"),
     "strain_energy_density": _variable("network deformation step", "f", "MPa", "strain energy density of the fibers"),
     "cauchy_stress": _variable("network deformation step axis axis_b", "f", "MPa", "Cauchy stress (Eq. 7)"),
@@ -201,11 +201,15 @@ def read(path: Path, kind: str) -> xr.Dataset:
 
 
 def write_table(table: pd.DataFrame, path: Path, params: Mapping[str, Any]) -> None:
-    """Write a CSV whole, with its provenance and SHA-256 beside it as ``{path}.json``.
+    """Write a CSV whole, with its provenance beside it as `write_bytes` does."""
+    write_bytes(table.to_csv(index=False).encode(), path, params)
 
-    Raises DatasetError where it cannot; no provenance is left of a table that is not there.
+
+def write_bytes(content: bytes, path: Path, params: Mapping[str, Any]) -> None:
+    """Write a file that has no place for provenance whole, with provenance and SHA-256 beside it as ``{path}.json``.
+
+    Raises DatasetError where it cannot; no provenance is left of a file that is not there.
     """
-    content = table.to_csv(index=False).encode()
     provenance = {**attributes(params), "sha256": hashlib.sha256(content).hexdigest()}
     beside = Path(f"{path}.json")
     place(json.dumps(provenance, indent=1).encode(), beside)

@@ -128,6 +128,25 @@ def load_path(load: Load, end: float, steps: int) -> tuple[Array, Array]:
     return magnitudes, load.deformation_gradient(magnitudes)
 
 
+def straight_path(end: Array, steps: int) -> tuple[Array, Array]:
+    """Magnitudes m from 0 to 1, shape (steps + 1,), and I + m (F − I), shape (steps + 1, 3, 3), for F at the end."""
+    magnitudes = np.linspace(0.0, 1.0, steps + 1)
+    return magnitudes, np.eye(3) + magnitudes[:, None, None] * (np.asarray(end, dtype=float) - np.eye(3))
+
+
+@dataclass(frozen=True)
+class LoadEnd:
+    """What a protocol says of one load: how it is called and where it ends.
+
+    One called as `Load.parse` reads it ends at `magnitude`, or where that is None at the averaged stretch that the
+    protocol's first load reaches. Any other name needs a `gradient`, F at its end, shape (3, 3).
+    """
+
+    name: str
+    magnitude: float | None = None
+    gradient: Array | None = None
+
+
 @dataclass(frozen=True)
 class LoadPath:
     """A load made definite for one network.
@@ -142,24 +161,25 @@ class LoadPath:
     amplitude_limited: bool
 
 
-def load_paths(
-    loads: list[tuple[str, float | None]], structure_tensor: Array, steps: int, limit: float
-) -> list[LoadPath]:
-    """The loads of a protocol for a network of structure tensor H, shape (3, 3) (section 2.3).
+def load_paths(loads: list[LoadEnd], structure_tensor: Array, steps: int, limit: float) -> list[LoadPath]:
+    """The loads of a protocol for a network of structure tensor H, shape (3, 3) (sections 2.3 and 2.6).
 
-    `loads` are names with end magnitudes; where the magnitude is None the load ends at the averaged stretch that the
-    first load, which has one, reaches, or where F stretches a line by `limit`. Magnitudes grow linearly over the steps.
-    Raises LoadError for an unknown load or one that cannot reach the averaged stretch.
+    Magnitudes grow linearly over the steps. A load whose end follows from the first one's is cut where F stretches a
+    line by `limit`. Raises LoadError for an unknown load or one that cannot reach the averaged stretch.
     """
-    first = Load.parse(loads[0][0])
-    if loads[0][1] is None:
-        raise LoadError(f"load '{loads[0][0]}' comes first, so it needs a magnitude for the others to match")
-    target = float(averaged_stretch(first.deformation_gradient(loads[0][1]), structure_tensor))
-    paths = []
-    for name, magnitude in loads:
-        load = Load.parse(name)
-        end, limited = (
-            matching_magnitude(load, structure_tensor, target, limit) if magnitude is None else (magnitude, False)
-        )
-        paths.append(LoadPath(name, *load_path(load, end, steps), limited))
+    target, paths = None, []
+    for entry in loads:
+        limited = False
+        if entry.gradient is not None:
+            magnitudes, gradients = straight_path(entry.gradient, steps)
+        else:
+            load, end = Load.parse(entry.name), entry.magnitude
+            if end is None and target is None:
+                raise LoadError(f"load '{entry.name}' comes first, so it needs a magnitude for the others to match")
+            if end is None:
+                end, limited = matching_magnitude(load, structure_tensor, cast(float, target), limit)
+            magnitudes, gradients = load_path(load, end, steps)
+        if target is None:
+            target = float(averaged_stretch(gradients[-1], structure_tensor))
+        paths.append(LoadPath(entry.name, magnitudes, gradients, limited))
     return paths

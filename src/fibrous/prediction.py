@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from fibrous import datasets
 from fibrous.errors import FitError
@@ -56,21 +56,46 @@ def predict(
             dataset = datasets.read(shipped, "surface")
     else:
         dataset = datasets.read(Path(surface), "surface")
-    dataset = _selected(_selected(dataset, "protocol", protocol), "load_set", load_set)
-    ranges = np.stack([dataset[f"{name}_range"].values for name in ("H11", "H22", "H33")])
-    H11, H22 = alignment(structure_tensor, ranges)
-    C2, C2_half_width = prediction(_surface(dataset, "C2"), H11, H22)
-    C3, C3_half_width = prediction(_surface(dataset, "C3"), H11, H22)
-    least, largest = dataset["lambda_f_max_range"].values
-    return Prediction(
-        C2,
-        (C2 - C2_half_width, C2 + C2_half_width),
-        C3,
-        (C3 - C3_half_width, C3 + C3_half_width),
-        protocol,
-        load_set,
-        (float(least), float(largest)),
-    )
+    return Predictor.of(dataset, protocol, load_set).at(structure_tensor)
+
+
+@dataclass(frozen=True)
+class Predictor:
+    """The surfaces of C2 and C3 of one protocol and load set.
+
+    ranges : least and largest H11, H22, H33 of the networks fitted, shape (3, 2); largest_stretch : as in Prediction
+    """
+
+    C2: Surface
+    C3: Surface
+    ranges: NDArray[np.float64]
+    protocol: str
+    load_set: str
+    largest_stretch: tuple[float, float]
+
+    @classmethod
+    def of(cls, dataset: xr.Dataset, protocol: str, load_set: str) -> Predictor:
+        """From a dataset of the kind `surface`; raises FitError where it has no such protocol or load set."""
+        dataset = _selected(_selected(dataset, "protocol", protocol), "load_set", load_set)
+        ranges = np.stack([dataset[f"{name}_range"].values for name in ("H11", "H22", "H33")])
+        least, largest = dataset["lambda_f_max_range"].values
+        surfaces = _surface(dataset, "C2"), _surface(dataset, "C3")
+        return cls(*surfaces, ranges, protocol, load_set, (float(least), float(largest)))
+
+    def at(self, structure_tensor: ArrayLike) -> Prediction:
+        """The constants for H, shape (3, 3), in its principal axes; raises FitError as `predict` does."""
+        H11, H22 = alignment(structure_tensor, self.ranges)
+        C2, C2_half_width = prediction(self.C2, H11, H22)
+        C3, C3_half_width = prediction(self.C3, H11, H22)
+        return Prediction(
+            C2,
+            (C2 - C2_half_width, C2 + C2_half_width),
+            C3,
+            (C3 - C3_half_width, C3 + C3_half_width),
+            self.protocol,
+            self.load_set,
+            self.largest_stretch,
+        )
 
 
 def _selected(dataset: xr.Dataset, dimension: str, name: str) -> xr.Dataset:

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from fibrous.errors import FibrousError
-from fibrous.study import convergence, stages
+from fibrous.study import convergence, plan, stages
 from fibrous.study.configuration import validated
 from fibrous.study.job import STUDY_CONFIG
 
@@ -23,9 +23,10 @@ os.environ[STUDY_CONFIG] = json.dumps(config, sort_keys=True)
 
 
 wildcard_constraints:
-    ensemble="|".join(stages.ensembles(config)),
-    protocol="|".join(stages.protocols(config)),
+    ensemble="|".join(plan.ensembles(config)),
+    protocol="|".join(plan.protocols(config)),
     batch="[0-9]+",
+    run="|".join(run.name for run in plan.runs(config)),
 
 
 def outputs(stage):
@@ -42,7 +43,7 @@ def params(stage):
 
 
 def end_of_run():
-    curves = [Path(path) for path in stages.files("curves", "curves", config)]
+    curves = [Path(path) for path in stages.all_curves(config)]
     try:
         return convergence.report([path for path in curves if path.is_file()])
     except FibrousError as error:

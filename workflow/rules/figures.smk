@@ -98,3 +98,43 @@ rule figure_7:
     shell:
         'exec "$PYTHON" -m fibrous.study.job --params {params:q} --output png {output.png:q} --output svg {output.svg:q}'
         " --output data {output.data:q} > {log:q} 2>&1"
+
+
+rule figure_8:
+    input:
+        unpack(inputs("figure_8")),
+    output:
+        **outputs("figure_8"),
+    log:
+        "logs/figures/figure_8.log",
+    threads: 1
+    resources:
+        mem_mb=1000,
+    params:
+        params("figure_8"),
+    message:
+        "Drawing Figure 8: stresses of the network and of the laws under Eq. 9"
+    shell:
+        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input stresses {input.stresses:q}'
+        " --output png {output.png:q} --output svg {output.svg:q}"
+        " --output data {output.data:q} > {log:q} 2>&1"
+
+
+rule figure_specimen:
+    input:
+        unpack(inputs("figure_specimen")),
+    output:
+        **outputs("figure_specimen"),
+    log:
+        "logs/figures/specimen.log",
+    threads: 1
+    resources:
+        mem_mb=1500,
+    params:
+        params("figure_specimen"),
+    message:
+        "Drawing the specimen, its constants and its deformation"
+    shell:
+        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input specimen {input.specimen:q} --input tissue {input.tissue:q}'
+        " --output png {output.png:q} --output svg {output.svg:q}"
+        " --output data {output.data:q} > {log:q} 2>&1"

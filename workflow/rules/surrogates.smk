@@ -3,7 +3,7 @@
 
 rule curves:
     input:
-        stages.files("curves", "curves", config),
+        stages.all_curves(config),
         stages.files("convergence", "convergence", config),
     message:
         "All curves of the study, and the list of states that found no equilibrium"
@@ -12,6 +12,7 @@ rule curves:
 rule fits:
     input:
         stages.files("fits", "fits", config),
+        stages.files("refits", "fits", config),
         stages.files("convergence", "convergence", config),
     message:
         "All fits of the study, and the list of states that found no equilibrium"

@@ -34,6 +34,7 @@ class Point:
     force_scale : norm of the sum of their magnitudes, or that of a strain of 1e-4 where it is larger, N
     stiffness : derivative of the free components' forces in the free components, in rising order, N/mm
     coupling : their derivative in the prescribed components, in the order given, N/mm
+    stress : first Piola–Kirchhoff stress at the Gauss points, shape (elements, 8, 3, 3), MPa
     state : of the material
     """
 
@@ -42,6 +43,7 @@ class Point:
     force_scale: float
     stiffness: csr_array
     coupling: csr_array
+    stress: Array
     state: State
 
 
@@ -75,7 +77,7 @@ class Assembly:
     def evaluate(self, displacement: Array, state: State) -> Point:
         """Forces and stiffness at a displacement, shape (nodes, 3), mm, from the state of the last equilibrium."""
         count = len(self.mesh.element_nodes)
-        forces, stiffness = np.empty((count, 8, 3)), np.empty((count, 8, 72))
+        forces, stiffness, stresses = np.empty((count, 8, 3)), np.empty((count, 8, 72)), np.empty((count, 8, 3, 3))
         states = []
         for block, material in self._blocks:
             gradients = self._gradients[block]
@@ -86,12 +88,13 @@ class Assembly:
             ordered = tangent.transpose(0, 1, 3, 2, 4, 5).reshape(-1, 8, 27, 3)
             right = gradients.reshape(-1, 8, 8, 3).transpose(0, 2, 3, 1)
             np.matmul(weighted, (ordered @ right).reshape(-1, 24, 72), out=stiffness[block])
+            stresses[block] = stress
             states.append(new)
         internal_force = self._at_nodes(forces)
         free_stiffness, coupling = self._pattern.matrices(stiffness)
         strained = SMALLEST_STRAIN * self._length * float(np.linalg.norm(free_stiffness.diagonal()))
         scale = max(float(np.linalg.norm(self._at_nodes(np.abs(forces)))), strained)
-        return Point(displacement, internal_force, scale, free_stiffness, coupling, join(states))
+        return Point(displacement, internal_force, scale, free_stiffness, coupling, stresses, join(states))
 
     def deformation_gradient(self, displacement: Array) -> Array:
         """F at the Gauss points, shape (elements, 8, 3, 3), for a displacement of shape (nodes, 3), mm."""

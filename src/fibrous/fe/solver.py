@@ -55,8 +55,10 @@ class Solution:
 
     displacement : shape (steps, nodes, 3), mm
     internal_force : shape (steps, nodes, 3), N; at prescribed components the reaction, elsewhere zero to tolerance
+    deformation_gradient, stress : F and the first Piola–Kirchhoff stress at the Gauss points, MPa, shape
+        (steps, elements, 8, 3, 3)
     newton_iterations, cuts : shape (steps,), all increments of a step together
-    converged : shape (steps,); where it is false, the displacement and force are NaN
+    converged : shape (steps,); where it is false, the fields are NaN
     linear_solvers : how many linear systems each solver solved
     state : of the material at the last equilibrium
     attempts : every increment that was tried
@@ -64,6 +66,8 @@ class Solution:
 
     displacement: Array
     internal_force: Array
+    deformation_gradient: Array
+    stress: Array
     newton_iterations: NDArray[np.int64]
     cuts: NDArray[np.int64]
     converged: NDArray[np.bool_]
@@ -195,6 +199,7 @@ class _Path:
         self.stepper, self.targets = stepper, np.asarray(targets, dtype=float)
         steps, nodes = len(self.targets), len(stepper.assembly.mesh.node_position)
         self.displacement, self.force = np.full((2, steps, nodes, 3), np.nan)
+        self.gradient, self.stress = np.full((2, steps, len(stepper.assembly.mesh.element_nodes), 8, 3, 3), np.nan)
         self.iterations, self.cuts = np.zeros((2, steps), dtype=np.int64)
         self.used: Counter[str] = Counter()
         self.attempts: list[Attempt] = []
@@ -208,6 +213,7 @@ class _Path:
         for step in range(len(self.targets)):
             here, increment = self._step(here, step, increment)
             self.displacement[step], self.force[step] = here.displacement, here.internal_force
+            self.gradient[step], self.stress[step] = assembly.deformation_gradient(here.displacement), here.stress
         return self._solution(len(self.targets), here.state)
 
     def _step(self, here: Point, step: int, increment: float) -> tuple[Point, float]:
@@ -243,6 +249,8 @@ class _Path:
         return Solution(
             self.displacement,
             self.force,
+            self.gradient,
+            self.stress,
             self.iterations,
             self.cuts,
             np.arange(len(self.targets)) < converged,

@@ -21,6 +21,8 @@ FIT_COLUMNS = (
     "name",
     "load_set",
     "deformation",
+    "energy",
+    "objective",
     "lambda_f_max",
     "C2_MPa",
     "C3",
@@ -60,9 +62,10 @@ def curve_table(path: Path, network: str) -> pd.DataFrame:
 
 
 def pooled_fits(path: Path) -> pd.DataFrame:
-    """The rows of a table of fits that belong to a whole load set."""
+    """The rows of a table of fits that belong to a whole load set and to what panels draw, Eq. 2 fitted to energy."""
     table = read_table(path, FIT_COLUMNS)
-    return table[table["deformation"] == "all"]
+    eq_2 = (table["energy"] == "structure_tensor") & (table["objective"] == "energy")
+    return table[eq_2 & (table["deformation"] == "all")]
 
 
 def stacked(tables: Mapping[str, pd.DataFrame], column: str) -> pd.DataFrame:

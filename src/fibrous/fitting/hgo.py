@@ -1,47 +1,88 @@
-"""The constants (C2, C3) of the strain energy of Eq. 2, fitted to curves of energy against averaged stretch.
+"""The constants (C2, C3) of HGO laws, fitted to curves of networks: energy or stress, Eq. 2 or Eq. 10C.
 
-With x = ⟨I4⟩ − 1 = λ_f² − 1 the law and its slope are
+Both laws are sums of one exponential,
 
-    W = C2 / (2 C3) (exp(C3 x²) − 1),        dW/dλ_f = 2 C2 λ_f x exp(C3 x²).
+    W = Σ_p w_p C2/(2 C3) (exp(C3 x_p²) − 1),        x_p = M_p : C − 1,
+    σ = Σ_p w_p 2 C2 x_p exp(C3 x_p²) F M_p Fᵀ / J,
 
-C2 enters linearly, so for each C3 it is found by projection and the search runs over C3 alone. Exponentials are
-scaled by that of the largest x: with q = x²/x_max² ≤ 1 and s = C3 x_max², both read a · φ(s, q) with the amplitude
-a = C2 x_max² e^s, and neither φ nor its derivative exceeds one by much, whatever s is.
+Eq. 2 of the single M = H, with x = λ_f² − 1, and Eq. 10C of three families M_p = N_p ⊗ N_p along the eigenvectors of H,
+weighted by its eigenvalues. C2 enters linearly, so it is found by projection and the search runs over C3 alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from math import factorial
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
 from scipy.special import exprel
-from scipy.stats import t as student
 
+from fibrous.deformation import averaged_stretch
 from fibrous.errors import FitError
+from fibrous.fitting.projection import Shape, least_squares
+from fibrous.fitting.shapes import energy_shape, slope_shape, stress_shape
+from fibrous.materials.hgo import RESTING, ROUNDING, HGOFamilies
 
 Array = NDArray[np.float64]
-Rule = Literal["energy", "slope", "zero", "none"]
-Objective = Literal["energy", "slope"]
-# φ(s) and e^-s d(e^s φ)/ds at the points, for s of shape (..., 1).
-Shape = Callable[[Array], tuple[Array, Array]]
+Energy = Literal["structure_tensor", "families"]
+Objective = Literal["energy", "stress"]
+Fitted = Literal["energy", "slope", "stress"]
+Rule = Literal["energy", "slope", "stress", "zero", "none"]
 
-CONFIDENCE = 0.95
 # C3 x_max² stays below this: e^600 times an energy density is still a number, and so is the C2 that belongs to it.
 LARGEST_EXPONENT = 600.0
-GRID_RATIO = 1.1  # φ changes over factors of s, hence a geometric grid finer than any of its features
-SMALLEST_EXPONENT = 1e-3  # below it φ is x² to 0.1 %, and one interval is enough
-SERIES_BELOW = 0.1  # ψ(z) loses digits to cancellation below
-SERIES = tuple((-1.0) ** k / factorial(k + 2) for k in range(10, -1, -1))  # of ψ, highest power first
+# Kelvin's notation of a symmetric tensor: its six numbers have the tensor's norm, so no component counts twice or half.
+KELVIN = ((0, 1, 2, 1, 0, 0), (0, 1, 2, 2, 2, 1))
+KELVIN_FACTORS = np.array([1.0, 1.0, 1.0, *3 * (np.sqrt(2.0),)])
+
+
+@dataclass(frozen=True)
+class Curves:
+    """What one network answered to its loads; step 0 is the state of rest, a state without an equilibrium holds NaN.
+
+    Parameters
+    ----------
+    deformation_gradient : F, shape (deformations, steps + 1, 3, 3), finite, of positive determinant
+    structure_tensor : H, shape (3, 3), symmetric, positive semidefinite, trace 1
+    strain_energy_density : W, shape (deformations, steps + 1), MPa
+    cauchy_stress : σ, shape (deformations, steps + 1, 3, 3), MPa
+
+    Raises FitError for other shapes, and for F that is not finite or whose determinant is not positive.
+    """
+
+    deformation_gradient: Array
+    structure_tensor: Array
+    strain_energy_density: Array
+    cauchy_stress: Array
+
+    def __post_init__(self) -> None:
+        F, H, W, stress = (np.asarray(getattr(self, name), dtype=float) for name in self.__dataclass_fields__)
+        if (
+            W.ndim != 2
+            or not W.shape[0]
+            or W.shape[1] < 2
+            or not F.shape == stress.shape == (*W.shape, 3, 3)
+            or H.shape != (3, 3)
+        ):
+            raise FitError(
+                "curves need F and stress of shape (deformations, steps + 1, 3, 3), W of shape (deformations, "
+                f"steps + 1) and H of shape (3, 3), not {F.shape}, {stress.shape}, {W.shape} and {H.shape}"
+            )
+        finite = np.isfinite(F).all(axis=(-1, -2))
+        bad = np.argwhere(np.linalg.det(np.where(finite[..., None, None], F, 0.0)) <= 0.0)
+        if len(bad):
+            raise FitError(
+                f"curves: F of deformation {bad[0, 0]}, step {bad[0, 1]} is not finite or has no positive determinant: "
+                "mend that deformation gradient"
+            )
+        for name, value in zip(self.__dataclass_fields__, (F, H, W, stress), strict=True):
+            object.__setattr__(self, name, value)
 
 
 @dataclass(frozen=True)
 class HGOFit:
-    """Constants of Eq. 2 and how far they can be trusted.
+    """Constants of a law and how far they can be trusted.
 
     `C2` and its half-width have the unit of the energy density (MPa in the study); C3 has none.
     """
@@ -50,12 +91,12 @@ class HGOFit:
     C3: float
     C2_half_width: float  # 95 %, from the Jacobian; NaN where C2 is at its bound or there are too few points
     C3_half_width: float  # 95 %; NaN where C3 is at a bound, and C2's half-width then holds for that C3
-    r_squared: float  # of the objective, about the mean of the points fitted
-    rule: Rule  # section 2.5; `none`: the curves pass λ_f = 1 but no state above it converged
-    objective: Objective
+    r_squared: float  # of the objective, about the mean of the points fitted, in stress that of each component
+    rule: Rule  # what was fitted, or why nothing: see fit_constants
+    objective: Fitted
     identifiable: bool  # False where a constant is at a bound, or the points cannot tell the two apart
     points_used: int
-    points_dropped: int  # λ_f ≤ 1, or without an energy; the state of rest is not counted
+    points_dropped: int  # not stretched, or without the quantity fitted; the state of rest is not counted
     largest_stretch: float  # amplitude: largest λ_f fitted; with nothing to fit, largest λ_f of the curves
 
 
@@ -93,40 +134,130 @@ def energy_slope(stretch: Array, energy: Array) -> Array:
     return np.asarray(np.gradient(energy, stretch, edge_order=2))
 
 
-def fit_curves(stretch: Array, energy: Array, *, largest_C3: float, slope_fit_below_r_squared: float) -> HGOFit:
-    """Fit Eq. 2 to the curves of one network by unweighted least squares, with the rules of section 2.5.
+def fit_constants(
+    curves: Curves,
+    energy: Energy,
+    objective: Objective,
+    *,
+    tension_only: bool,
+    largest_C3: float,
+    slope_fit_below_r_squared: float,
+) -> HGOFit:
+    """Fit a law to the curves of one network by unweighted least squares, C2 ≥ 0 and 0 ≤ C3 ≤ largest_C3.
 
-    `stretch` (λ_f) and `energy` (W) have shape (deformations, steps + 1), step 0 the state of rest; a state without
-    an equilibrium holds NaN. All points with λ_f > 1 are pooled, C2 ≥ 0 and 0 ≤ C3 ≤ largest_C3.
+    `energy` is the law: `structure_tensor` (Eq. 2) or `families` (Eq. 10C). `objective` is the quantity: W, or all
+    components of the Cauchy stress. All states that stretch the law's fibres are pooled: for Eq. 2 those with
+    λ_f > 1, whatever `tension_only` is; for families those where one is stretched or, with `tension_only` False, one
+    has changed its length. A family whose weight passes for rounding (ROUNDING) carries nothing and counts for nothing.
 
-    Where λ_f never exceeds 1, C2 = 0 (rule `zero`). Where there is one deformation and R² of its energy fit is below
-    `slope_fit_below_r_squared`, dW/dλ_f (see energy_slope) is fitted instead (rule `slope`). Otherwise rule `energy`.
-    Raises FitError where the arrays do not have one shape (deformations, steps + 1).
+    Rules: where no state stretches fibres, C2 = 0 (`zero`, section 2.5); where none of those that do has a value, the
+    constants are NaN (`none`). For Eq. 2, energy and one deformation, where R² of the fit is below
+    `slope_fit_below_r_squared`, dW/dλ_f (see energy_slope) is fitted instead (`slope`, section 2.5). Otherwise the
+    rule is the objective.
+    Raises FitError for an unknown law or objective, MaterialError where families are asked of an H that has none.
     """
-    stretch, energy = np.asarray(stretch, dtype=float), np.asarray(energy, dtype=float)
-    if stretch.ndim != 2 or stretch.shape != energy.shape or stretch.shape[1] < 2:
-        raise FitError(
-            f"curves need λ_f and W of one shape (deformations, steps + 1), not {stretch.shape} and {energy.shape}"
-        )
-    moved, known = stretch[:, 1:], np.isfinite(energy[:, 1:]) & np.isfinite(stretch[:, 1:])
-    used = known & (moved > 1.0)
-    dropped = int(used.size - used.sum())
+    stretch = averaged_stretch(curves.deformation_gradient, curves.structure_tensor)
+    law = _law(curves, energy, stretch, tension_only)
+    data = _data(curves, objective)
+    stretched = law.stretched.copy()
+    stretched[:, 0] = False  # the state of rest says nothing
+    used = stretched & np.isfinite(data).all(axis=0)
     if not used.any():
-        return _without_points(moved, dropped)
+        return _without_points(stretch[:, 1:], bool(stretched.any()), objective)
 
-    fit = _fit(moved[used], energy[:, 1:][used], "energy", largest_C3, dropped)
-    if len(stretch) == 1 and fit.r_squared < slope_fit_below_r_squared:
-        rising, slope = _rising_slope(stretch[0], energy[0])
+    fit = _fit(_problem(curves, law, objective, data, stretch, used), largest_C3)
+    single = energy == "structure_tensor" and objective == "energy" and len(stretch) == 1
+    if single and fit.r_squared < slope_fit_below_r_squared:
+        rising, slope = _rising_slope(stretch[0], curves.strain_energy_density[0])
         if rising.size:
-            return _fit(rising, slope, "slope", largest_C3, moved.size - rising.size)
+            return _fit(_slope_problem(rising, slope, stretch.size - 1), largest_C3)
     return fit
 
 
-def _without_points(stretch: Array, dropped: int) -> HGOFit:
-    largest = float(np.nanmax(stretch)) if np.isfinite(stretch).any() else np.nan
-    value = 0.0 if largest <= 1.0 else np.nan
-    rule: Rule = "zero" if largest <= 1.0 else "none"
-    return HGOFit(value, value, np.nan, np.nan, np.nan, rule, "energy", False, 0, dropped, largest)
+class _Law(NamedTuple):
+    """A law along the curves: its terms p, and the states that stretch its fibres."""
+
+    weights: Array  # w_p, shape (terms,)
+    structures: Array  # M_p, shape (terms, 3, 3)
+    excess: Array  # x_p, zero where it carries nothing, shape (terms, deformations, steps + 1)
+    stretched: NDArray[np.bool_]  # shape (deformations, steps + 1)
+
+
+def _law(curves: Curves, energy: Energy, stretch: Array, tension_only: bool) -> _Law:
+    if energy == "structure_tensor":
+        return _Law(np.ones(1), curves.structure_tensor[None], _excess(stretch)[None], stretch > 1.0)
+    if energy != "families":
+        raise FitError(f"energy '{energy}' is no law: take structure_tensor (Eq. 2) or families (Eq. 10C)")
+    families = HGOFamilies.of_structure_tensor(curves.structure_tensor, 0.0, 0.0, tension_only)
+    carrying = families.weights > ROUNDING
+    directions = families.directions[carrying]
+    structures = directions[:, :, None] * directions[:, None, :]
+    excess = np.array([_excess(averaged_stretch(curves.deformation_gradient, one)) for one in structures])
+    if tension_only:
+        excess = np.maximum(excess, 0.0)
+    return _Law(families.weights[carrying], structures, excess, (np.abs(excess) > RESTING).any(axis=0))
+
+
+def _data(curves: Curves, objective: Objective) -> Array:
+    """What is fitted, shape (components, deformations, steps + 1): W, or the stress in Kelvin's notation."""
+    if objective == "energy":
+        return curves.strain_energy_density[None]
+    if objective != "stress":
+        raise FitError(f"objective '{objective}' is unknown: fit energy or stress")
+    return _kelvin(curves.cauchy_stress)
+
+
+def _kelvin(tensor: Array) -> Array:
+    """The symmetric part of tensors, shape (..., 3, 3), as six numbers of the same norm, shape (6, ...)."""
+    rows, columns = KELVIN
+    symmetric = 0.5 * (tensor[..., rows, columns] + tensor[..., columns, rows])
+    return np.moveaxis(KELVIN_FACTORS * symmetric, -1, 0)
+
+
+class _Problem(NamedTuple):
+    """What `_fit` fits; shapes of φ and the meaning of x_max in fitting.shapes."""
+
+    objective: Fitted
+    shape: Shape
+    separable: bool  # whether C3 changes more than a factor that C2 can take over
+    data: Array  # shape (components, points)
+    stretch: Array  # λ_f, shape (points,)
+    largest_excess: float  # x_max
+    states: int  # of the curves, without rest
+
+
+def _problem(
+    curves: Curves, law: _Law, objective: Objective, data: Array, stretch: Array, used: NDArray[np.bool_]
+) -> _Problem:
+    """The fit of energy or stress to the states where `used`, shape (deformations, steps + 1)."""
+    excess = law.excess[:, used]
+    largest = float(np.abs(excess).max())
+    q = (excess / largest) ** 2
+    if objective == "energy":
+        shape, separable = energy_shape(law.weights, q), bool(np.any(q != q[:, :1]))
+    else:
+        gradient = curves.deformation_gradient[used]
+        pushed = gradient @ law.structures[:, None] @ np.swapaxes(gradient, -1, -2)
+        factor = 2.0 * law.weights[:, None] * excess / largest**2 / np.linalg.det(gradient)
+        basis = np.swapaxes(_kelvin(factor[..., None, None] * pushed), 0, 1)
+        shape, separable = stress_shape(basis, q), bool(np.ptp(q[q > 0.0]) > 0.0)
+    return _Problem(objective, shape, separable, data[:, used], stretch[used], largest, used.size - len(used))
+
+
+def _slope_problem(stretch: Array, slope: Array, states: int) -> _Problem:
+    """The fit of dW/dλ_f, both arrays of shape (points,)."""
+    excess = _excess(stretch)
+    largest = float(excess.max())
+    q = (excess / largest) ** 2
+    separable = bool(np.any(q != q[0]))
+    return _Problem("slope", slope_shape(q, stretch, largest), separable, slope[None], stretch, largest, states)
+
+
+def _without_points(stretch: Array, stretched: bool, objective: Objective) -> HGOFit:
+    value = np.nan if stretched else 0.0
+    rule: Rule = "none" if stretched else "zero"
+    largest = float(stretch.max())
+    return HGOFit(value, value, np.nan, np.nan, np.nan, rule, objective, False, 0, stretch.size, largest)
 
 
 def _rising_slope(stretch: Array, energy: Array) -> tuple[Array, Array]:
@@ -134,7 +265,7 @@ def _rising_slope(stretch: Array, energy: Array) -> tuple[Array, Array]:
 
     A load across the fibres lowers λ_f before it raises it: W is a function of λ_f only after the turn.
     """
-    known = np.isfinite(stretch) & np.isfinite(energy)
+    known = np.isfinite(energy)
     stretch, energy = stretch[known], energy[known]
     turn = stretch.size - 1 - int(np.argmin(stretch[::-1]))
     stretch, energy = stretch[turn:], energy[turn:]
@@ -145,137 +276,27 @@ def _rising_slope(stretch: Array, energy: Array) -> tuple[Array, Array]:
 
 
 def _excess(stretch: Array) -> Array:
-    """λ_f² − 1 without cancellation near 1."""
+    """λ² − 1 without cancellation near 1."""
     return (stretch - 1.0) * (stretch + 1.0)
 
 
-def _psi(z: Array) -> Array:
-    """(z − 1 + e^-z)/z² = e^-z d(exprel)/dz for z ≥ 0; ½ at z = 0."""
-    near = z < SERIES_BELOW
-    safe = np.where(near, 1.0, z)
-    return np.where(near, np.polyval(SERIES, np.where(near, z, 0.0)), (safe + np.expm1(-safe)) / safe**2)
-
-
-def _energy_shape(q: Array) -> Shape:
-    def shape(s: Array) -> tuple[Array, Array]:
-        scale, z = 0.5 * q * np.exp(s * (q - 1.0)), s * q
-        return scale * exprel(-z), scale * q * _psi(z)
-
-    return shape
-
-
-def _slope_shape(q: Array, stretch: Array, largest_excess: float) -> Shape:
-    def shape(s: Array) -> tuple[Array, Array]:
-        phi = 2.0 * stretch * np.sqrt(q) / largest_excess * np.exp(s * (q - 1.0))
-        return phi, q * phi
-
-    return shape
-
-
-def _fit(stretch: Array, data: Array, objective: Objective, largest_C3: float, dropped: int) -> HGOFit:
-    """Fit W or dW/dλ_f (`data`) at points with λ_f > 1, both of shape (points,)."""
-    excess = _excess(stretch)
-    largest = float(excess.max())
-    q = (excess / largest) ** 2
-    shape = _energy_shape(q) if objective == "energy" else _slope_shape(q, stretch, largest)
-    end = min(largest_C3 * largest**2, LARGEST_EXPONENT)
-
+def _fit(problem: _Problem, largest_C3: float) -> HGOFit:
+    data, x_max = problem.data, problem.largest_excess
+    end = min(largest_C3 * x_max**2, LARGEST_EXPONENT)
     unit = float(np.abs(data).max()) or 1.0
     scaled = data / unit
-    s = _search(shape, scaled, end) if np.unique(q).size > 1 else 0.0
-    amplitude, residual, phi, derivative = _project(shape, scaled, s)
-    C2 = amplitude * unit * np.exp(-s) / largest**2
-    squares, about_mean = float(residual @ residual), float(np.sum((scaled - scaled.mean()) ** 2))
-
-    widths = _half_widths(phi, derivative, amplitude, squares, inside=0.0 < s < end)
+    found = least_squares(problem.shape, scaled.ravel(), end, problem.separable)
+    about_mean = float(np.sum((scaled - scaled.mean(axis=1, keepdims=True)) ** 2))
     return HGOFit(
-        C2=float(C2),
-        C3=largest_C3 if s == end < LARGEST_EXPONENT else s / largest**2,
-        C2_half_width=float(widths.amplitude * unit * np.exp(-s) / largest**2),
-        C3_half_width=float(widths.exponent / largest**2),
-        r_squared=1.0 - squares / about_mean if about_mean > 0.0 else np.nan,
-        rule=objective,
-        objective=objective,
-        identifiable=widths.determined,
-        points_used=stretch.size,
-        points_dropped=dropped,
-        largest_stretch=float(stretch.max()),
+        C2=float(found.amplitude * unit * np.exp(-found.s) / x_max**2),
+        C3=largest_C3 if found.s == end < LARGEST_EXPONENT else found.s / x_max**2,
+        C2_half_width=float(found.amplitude_half_width * unit * np.exp(-found.s) / x_max**2),
+        C3_half_width=float(found.s_half_width / x_max**2),
+        r_squared=1.0 - found.squares / about_mean if about_mean > 0.0 else np.nan,
+        rule=problem.objective,
+        objective=problem.objective,
+        identifiable=found.determined,
+        points_used=problem.stretch.size,
+        points_dropped=problem.states - problem.stretch.size,
+        largest_stretch=float(problem.stretch.max()),
     )
-
-
-class _Projection(NamedTuple):
-    amplitude: float
-    residual: Array
-    phi: Array
-    derivative: Array
-
-
-def _project(shape: Shape, data: Array, s: float) -> _Projection:
-    """Best non-negative amplitude for one s, with residual, φ and its derivative at the points."""
-    phi, derivative = shape(np.array(s))
-    amplitude = max(0.0, float(phi @ data) / float(phi @ phi))
-    return _Projection(amplitude, data - amplitude * phi, phi, derivative)
-
-
-def _search(shape: Shape, data: Array, end: float) -> float:
-    """The s in [0, end] with the least sum of squares after projection; the smaller one where rounding cannot tell.
-
-    Every change of sign of the derivative −2 a r·φ' from − to + on a geometric grid is a minimum and is refined by
-    bracketing; the ends compete with them.
-    """
-    start = min(SMALLEST_EXPONENT, SMALLEST_EXPONENT * end)
-    count = 2 + int(np.ceil(np.log(end / start) / np.log(GRID_RATIO)))
-    grid = np.append(0.0, np.geomspace(start, end, count))
-    grid[-1] = end
-
-    phi, derivative = shape(grid[:, None])
-    amplitude = np.maximum(0.0, (phi @ data) / np.sum(phi**2, axis=1))
-    residual = data - amplitude[:, None] * phi
-    gradient = -amplitude * np.sum(residual * derivative, axis=1)
-
-    def gradient_at(s: float) -> float:
-        at = _project(shape, data, s)
-        return -at.amplitude * float(at.residual @ at.derivative)
-
-    minima = [0.0]
-    for i in np.flatnonzero((gradient[:-1] < 0.0) & (gradient[1:] >= 0.0)):
-        if gradient_at(grid[i]) < 0.0 < gradient_at(grid[i + 1]):
-            minima.append(float(brentq(gradient_at, grid[i], grid[i + 1], xtol=1e-15 * grid[i + 1], rtol=1e-15)))
-        else:  # zero to rounding: the grid point is the minimum
-            minima.append(float(grid[i + 1]))
-    minima.append(float(end))
-
-    epsilon = float(np.finfo(float).eps)
-    best, least = 0.0, np.inf
-    for s in minima:
-        at = _project(shape, data, s)
-        squares = float(at.residual @ at.residual)
-        if squares < least * (1.0 - 4.0 * epsilon) - 16.0 * data.size * epsilon**2 or np.isinf(least):
-            best, least = s, squares
-    return best
-
-
-class _HalfWidths(NamedTuple):
-    amplitude: float  # of C2 x_max² e^s at the fitted s, in units of the scaled data
-    exponent: float  # of s
-    determined: bool
-
-
-def _half_widths(phi: Array, derivative: Array, amplitude: float, squares: float, inside: bool) -> _HalfWidths:
-    """Half-widths t √(σ² (JᵀJ)⁻¹) with J = (φ, a φ'), the derivatives with respect to C2 and C3 up to scale.
-
-    With C3 at a bound, J is φ alone. `determined`: neither constant is at a bound and J has full rank.
-    """
-    if amplitude == 0.0:
-        return _HalfWidths(np.nan, np.nan, False)
-    jacobian = np.column_stack([phi, amplitude * derivative] if inside else [phi])
-    norms = np.sqrt(np.sum(jacobian**2, axis=0))
-    if norms.min() == 0.0 or np.linalg.matrix_rank(jacobian / norms) < norms.size:
-        return _HalfWidths(np.nan, np.nan, False)
-    freedom = phi.size - norms.size
-    if freedom == 0:
-        return _HalfWidths(np.nan, np.nan, inside)
-    triangular = np.linalg.qr(jacobian / norms, mode="r")
-    spread = np.sqrt(np.sum(np.linalg.inv(triangular) ** 2, axis=1)) / norms
-    width = student.ppf(0.5 + CONFIDENCE / 2.0, freedom) * np.sqrt(squares / freedom) * spread
-    return _HalfWidths(float(width[0]), float(width[1]) if inside else np.nan, inside)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +13,22 @@ from fibrous import datasets
 from fibrous.deformation import averaged_stretch
 from fibrous.errors import naming
 from fibrous.networks.response import respond
-from fibrous.study.loading import loaded_networks
+from fibrous.study.loading import LoadedNetwork, loaded_networks, protocol_paths
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
     """Load every network of ``inputs["networks"]`` and write ``outputs["curves"]``."""
+    config = params["config"]
+    networks = loaded_networks(inputs["networks"][0], config["equilibrium"], protocol_paths(config))
+    write_curves(networks, outputs["curves"], params)
+
+
+def write_curves(networks: Iterable[LoadedNetwork], output: Path, params: Mapping[str, Any]) -> None:
+    """Follow the paths of the networks, each of which has as many, of the same names and lengths; write `output`."""
     rows: list[dict[str, np.ndarray]] = []
     numbers: list[int] = []
-    for network in loaded_networks(inputs["networks"][0], params["config"]):
+    loads: list[str] = []
+    for network in networks:
         with naming(str(network)):
             responses = [respond(network.solver, path.gradients, network.stress_scale_MPa) for path in network.paths]
         row = {
@@ -36,9 +44,9 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
         row["name"] = np.array(network.name, dtype=object)
         rows.append(row)
         numbers.append(network.number)
+        loads = [path.name for path in network.paths]
         print(f"{network}: {row['converged'].sum()} of {row['converged'].size} states converged", file=sys.stderr)
     arrays = {name: np.stack([row[name] for row in rows]) for name in datasets.CURVES}
-    loads = [entry["load"] for entry in params["config"]["protocol"]["loads"]]
-    steps = np.arange(params["config"]["protocol"]["steps"] + 1)
+    steps = np.arange(arrays["magnitude"].shape[-1])
     coords = {"network": np.array(numbers), "deformation": np.array(loads, dtype=object), "step": steps}
-    datasets.write(datasets.packed(arrays, datasets.CURVES, coords), outputs["curves"], "curves", params)
+    datasets.write(datasets.packed(arrays, datasets.CURVES, coords), output, "curves", params)

@@ -1,4 +1,7 @@
-"""Rule `fits`: (C2, C3) of every network of an ensemble under one protocol, for each load set and each load alone."""
+"""Rule `fits`: (C2, C3) of every network of an ensemble under one protocol, for each load set and each load alone.
+
+A form is a law and what of it is fitted, `{"energy": …, "objective": …}` (see fibrous.fitting.hgo.fit_constants).
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ import xarray as xr
 
 from fibrous import datasets
 from fibrous.errors import ConfigError, DatasetError
-from fibrous.fitting.hgo import HGOFit, fit_curves
+from fibrous.fitting.hgo import Curves, HGOFit, fit_constants
 
 SINGLE = "single"  # load set of a fit to one load
 ALL = "all"  # deformation of a fit to all loads of a load set
@@ -21,10 +24,11 @@ TENSOR_COLUMNS = {"H11": (0, 0), "H22": (1, 1), "H33": (2, 2), "H12": (0, 1), "H
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
-    """Read `curves` (all batches), write `fits`; the config holds `fit`, `load_sets` and the name of the `protocol`.
+    """Read `curves` (all batches), write `fits`.
 
-    One row a network, load set (deformation `all`) and load (load set `single`), sorted by network, then as in the
-    config. States without an equilibrium are left out and named on stderr.
+    The config holds `forms`, `tension_only`, `fit`, `load_sets` and the name of the `protocol`. One row a network, form
+    and load set (deformation `all`) or load (load set `single`), sorted by network, then as in the config. States
+    without an equilibrium are left out and named on stderr.
     Raises DatasetError where the batches do not belong together, ConfigError where a load set asks for a load that
     the protocol did not run.
     """
@@ -32,11 +36,12 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     batches = [datasets.read(path, "curves") for path in inputs["curves"]]
     loads = _common_loads(batches, inputs["curves"])
     groups = _groups(config["load_sets"], loads, config["protocol"])
+    options = {"tension_only": config["tension_only"], **config["fit"]}
     rows = [
         row
         for batch in batches
         for index in range(batch.sizes["network"])
-        for row in _rows(batch.isel(network=index), groups, config["fit"])
+        for row in _rows(batch.isel(network=index), config["forms"], groups, options)
     ]
     table = pd.DataFrame(rows).sort_values("network", kind="stable", ignore_index=True)
     _refuse_duplicates(table, inputs["curves"])
@@ -66,26 +71,32 @@ def _groups(load_sets: list[dict[str, Any]], loads: list[str], protocol: str) ->
 
 
 def _rows(
-    curves: xr.Dataset, groups: list[tuple[str, str, list[int]]], fit: Mapping[str, float]
+    network: xr.Dataset,
+    forms: list[dict[str, Any]],
+    groups: list[tuple[str, str, list[int]]],
+    options: Mapping[str, Any],
 ) -> list[dict[str, Any]]:
     """The table's rows of one network."""
-    network, name = int(curves["network"]), str(curves["name"].item())
-    stretch, converged = curves["averaged_stretch"].values, curves["converged"].values
-    energy = np.where(converged, curves["strain_energy_density"].values, np.nan)
-    tensor = curves["structure_tensor"].values
+    number, name = int(network["network"]), str(network["name"].item())
+    converged = network["converged"].values
     for load, step in np.argwhere(~converged):
-        _say_left_out(network, name, str(curves["deformation"].values[load]), int(step))
+        _say_left_out(number, name, str(network["deformation"].values[load]), int(step))
+    gradient, tensor = network["deformation_gradient"].values, network["structure_tensor"].values
+    energy = np.where(converged, network["strain_energy_density"].values, np.nan)
+    stress = np.where(converged[..., None, None], network["cauchy_stress"].values, np.nan)
+    curves = [Curves(gradient[loads], tensor, energy[loads], stress[loads]) for _, _, loads in groups]
     alignment = {column: float(tensor[index]) for column, index in TENSOR_COLUMNS.items()}
     return [
         {
-            "network": network,
+            "network": number,
             "load_set": load_set,
             "deformation": deformation,
-            "energy": "structure_tensor",
-            **_columns(fit_curves(stretch[loads], energy[loads], **fit), alignment),
+            "energy": form["energy"],
+            **_columns(fit_constants(curve, form["energy"], form["objective"], **options), alignment),
             "name": name,
         }
-        for load_set, deformation, loads in groups
+        for form in forms
+        for (load_set, deformation, _), curve in zip(groups, curves, strict=True)
     ]
 
 
@@ -114,7 +125,7 @@ def _columns(fit: HGOFit, alignment: Mapping[str, float]) -> dict[str, Any]:
 
 
 def _refuse_duplicates(table: pd.DataFrame, paths: list[Path]) -> None:
-    repeated = table["network"][table.duplicated(["network", "load_set", "deformation"])]
+    repeated = table["network"][table.duplicated(["network", "energy", "objective", "load_set", "deformation"])]
     if len(repeated):
         folder = paths[0].parent
         raise DatasetError(f"{folder}: two batches hold network {repeated.iloc[0]}; delete the curves and run again")

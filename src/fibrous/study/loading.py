@@ -1,8 +1,8 @@
-"""What the rules `curves` and `states` share: networks from their file, with solver, scale and load paths."""
+"""What the rules that load networks share: networks from their file, with solver, scale and load paths."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from fibrous import datasets
-from fibrous.deformation import LoadPath, load_paths
+from fibrous.deformation import LoadEnd, LoadPath, load_paths
 from fibrous.errors import DatasetError, naming
 from fibrous.networks.equilibrium import EquilibriumSolver
 from fibrous.networks.fiber_law import FiberLaw
@@ -34,26 +34,51 @@ class LoadedNetwork:
         return f"network {self.number} {self.name}".rstrip()
 
 
-def loaded_networks(path: Path, config: Mapping[str, Any]) -> Iterator[LoadedNetwork]:
-    """The networks of a file one after the other. Raises DatasetError, NetworkError or LoadError."""
-    dataset = datasets.read(path, "networks")
-    limits = config["equilibrium"]
+# Paths of a network, by its number and its structure tensor, shape (3, 3).
+PathsOf = Callable[[int, np.ndarray], list[LoadPath]]
+
+
+def protocol_paths(config: Mapping[str, Any]) -> PathsOf:
+    """The loads of ``config["protocol"]``, ended for each network."""
     protocol = config["protocol"]
-    loads = [(entry["load"], entry.get("magnitude")) for entry in protocol["loads"]]
-    constants = dataset.attrs
-    beyond = float(constants["fiber_linear_beyond_stretch"])
-    law = FiberLaw(float(constants["fiber_nonlinearity"]), np.inf if np.isnan(beyond) else beyond)
-    scale = stress_scale(
-        float(constants["fiber_modulus_MPa"]), float(constants["fiber_radius_um"]), float(constants["edge_length_um"])
-    )
+    loads = [
+        LoadEnd(entry["load"], entry.get("magnitude"), _gradient(entry.get("deformation_gradient")))
+        for entry in protocol["loads"]
+    ]
+    return lambda _, tensor: load_paths(loads, tensor, protocol["steps"], config["principal_stretch_limit"])
+
+
+def _gradient(rows: list[list[float]] | None) -> np.ndarray | None:
+    return None if rows is None else np.array(rows)
+
+
+def loaded_networks(path: Path, limits: Mapping[str, Any], paths_of: PathsOf) -> Iterator[LoadedNetwork]:
+    """The networks of a file one after the other, with paths and the `limits` of the equilibrium's solver.
+
+    Raises DatasetError, NetworkError or LoadError.
+    """
+    dataset = datasets.read(path, "networks")
+    law, scale = fiber_law(dataset), scale_of(dataset)
     with naming(str(path)):
         networks = unpacked(dataset)
     for index, network in enumerate(networks):
         number, name = int(dataset["network"].values[index]), str(dataset["name"].values[index])
         tensor = dataset["structure_tensor"].values[index]
         with naming(f"network {number} {name}".rstrip()):
-            paths = load_paths(loads, tensor, protocol["steps"], config["principal_stretch_limit"])
+            paths = paths_of(number, tensor)
         yield LoadedNetwork(number, name, tensor, EquilibriumSolver.of(network, law, **limits), scale, paths)
+
+
+def fiber_law(dataset: xr.Dataset) -> FiberLaw:
+    """The law of the fibres of a dataset of the kind `networks`."""
+    beyond = float(dataset.attrs["fiber_linear_beyond_stretch"])
+    return FiberLaw(float(dataset.attrs["fiber_nonlinearity"]), np.inf if np.isnan(beyond) else beyond)
+
+
+def scale_of(dataset: xr.Dataset) -> float:
+    """What its forces in kA are as stresses, MPa."""
+    names = ("fiber_modulus_MPa", "fiber_radius_um", "edge_length_um")
+    return stress_scale(*(float(dataset.attrs[name]) for name in names))
 
 
 def unpacked(dataset: xr.Dataset) -> list[Network]:

@@ -10,21 +10,22 @@ import numpy as np
 import xarray as xr
 
 from fibrous import datasets
-from fibrous.errors import naming
+from fibrous.errors import ConfigError, naming
 from fibrous.network_files import read_network
 from fibrous.networks.generation import alignment_targets, delaunay_network, network_seed
 from fibrous.networks.network import Network, structure_tensor, total_length, volume_fraction
+from fibrous.study.batches import share
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
     """Write the batch's networks to ``outputs["networks"]``; raises NetworkError where one cannot be had."""
     config = params["config"]
-    numbers = np.array(config["numbers"], dtype=np.int64)
     if config["ensemble"] == "file":
+        numbers = np.array(config["numbers"])
         networks = [read_network(entry) for entry in config["network_files"]]
         targets, seeds = [structure_tensor(network.fiber_vectors) for network in networks], [-1] * len(networks)
     else:
-        targets = _targets(config, numbers)
+        numbers, targets = _asked(inputs, config)
         seeds = [network_seed(config["seed"], config["ensemble"], int(number)) for number in numbers]
         length = total_length(
             config["cube"]["volume_fraction"], config["cube"]["edge_length_um"], config["fiber"]["radius_um"]
@@ -38,12 +39,23 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     datasets.write(dataset, outputs["networks"], "networks", params)
 
 
-def _targets(config: Mapping[str, Any], numbers: np.ndarray) -> list[np.ndarray]:
+def _asked(inputs: Mapping[str, list[Path]], config: Mapping[str, Any]) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Numbers of the batch's networks and the structure tensors asked of them."""
+    if config["ensemble"] == "tissue":
+        specimen = datasets.read(inputs["files"][0], "specimen")
+        network, batches = specimen["element_network"].values, config["batches"]
+        if batches > len(network):
+            raise ConfigError(f"tissue.batches is {batches}, must be at most the specimen's {len(network)} elements")
+        elements = share(len(network), batches, config["batch"])
+        return network[elements], list(specimen["structure_tensor"].values[elements])
+    numbers = np.array(config["numbers"])
     if config["ensemble"] == "named":
         entries = [config["named"][number] for number in numbers]
-        return [np.diag([entry["H11"], entry["H22"], 1.0 - entry["H11"] - entry["H22"]]) for entry in entries]
+        tensors = [np.diag([entry["H11"], entry["H22"], 1.0 - entry["H11"] - entry["H22"]]) for entry in entries]
+        return numbers, tensors
     least, most = config["delaunay"]["H11"]
-    return list(alignment_targets(numbers, config["seed"], (least, most), config["delaunay"]["smallest_H"]))
+    targets = alignment_targets(numbers, config["seed"], (least, most), config["delaunay"]["smallest_H"])
+    return numbers, list(targets)
 
 
 def _names(config: Mapping[str, Any], numbers: np.ndarray) -> list[str]:

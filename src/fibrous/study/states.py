@@ -11,7 +11,7 @@ import numpy as np
 from fibrous import datasets
 from fibrous.deformation import averaged_stretch
 from fibrous.errors import DatasetError, naming
-from fibrous.study.loading import loaded_networks
+from fibrous.study.loading import loaded_networks, protocol_paths
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
@@ -19,8 +19,9 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
 
     Raises DatasetError if it is absent.
     """
-    path, wanted = inputs["networks"][0], params["config"]["network"]
-    network = next((one for one in loaded_networks(path, params["config"]) if one.name == wanted), None)
+    path, config, wanted = inputs["networks"][0], params["config"], params["config"]["network"]
+    loaded = loaded_networks(path, config["equilibrium"], protocol_paths(config))
+    network = next((one for one in loaded if one.name == wanted), None)
     if network is None:
         raise DatasetError(f"{path}: holds no network called '{wanted}'; add it to `named` in the config")
     with naming(str(network)):

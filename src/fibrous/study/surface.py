@@ -28,7 +28,7 @@ from fibrous.fitting.surface import (
 )
 
 COLUMNS = (
-    "network", "load_set", "deformation", "H11", "H22", "H33", "lambda_f_max", "C2_MPa", "C3",
+    "network", "load_set", "deformation", "energy", "H11", "H22", "H33", "lambda_f_max", "C2_MPa", "C3",
     "C2_half_width_MPa", "C3_half_width", "rule",
 )  # fmt: skip
 # constant of the surface: column of the fits, column of its half-width, terms
@@ -69,9 +69,10 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
 
 
 def _results(path: Path, folds: int) -> list[_Result]:
-    """A surface for each load set of one table of fits: energy fits to all its loads."""
+    """A surface for each load set of one table of fits: fits of Eq. 2 to the energy of all its loads."""
     table = datasets.read_table(path, COLUMNS)
-    table = table[(table["deformation"] == "all") & (table["rule"] == "energy")]
+    eq_2 = (table["energy"] == "structure_tensor") & (table["rule"] == "energy")
+    table = table[eq_2 & (table["deformation"] == "all")]
     if table.empty:
         raise DatasetError(f"{path}: holds no fit to all loads of a load set; delete it and run again")
     return [_result(path.stem, str(load_set), fits, folds) for load_set, fits in table.groupby("load_set", sort=False)]

@@ -1,0 +1,156 @@
+"""The hybrid method with lagged constants (section 2.5, Fig. 4b): networks follow their elements step by step.
+
+Constants fitted to what the networks did up to a load step serve the next one; only the last step is repeated until
+its constants belong to its own deformation.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fibrous.errors import ConvergenceError
+from fibrous.fe.solver import LoadStepError, LoadStepper, Solution
+from fibrous.fitting.hgo import Curves, HGOFit
+from fibrous.networks import homogenization
+from fibrous.networks.equilibrium import EquilibriumSolver, State
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FollowedNetwork:
+    """A network with its solver, H, shape (3, 3), and what its forces in kA are as stresses, MPa."""
+
+    solver: EquilibriumSolver
+    structure_tensor: Array
+    stress_scale_MPa: float
+
+
+@dataclass(frozen=True)
+class LaggedSolution:
+    """Equilibria of the tissue, with C2 (MPa) and C3 of each load step, shape (steps, elements).
+
+    last_changes : largest changes of C2 (MPa) and C3 at each repetition of the last step, shape (repetitions, 2)
+    lost_states : (network, step) of the states that found no equilibrium; the fits leave them out
+    """
+
+    solution: Solution
+    C2: Array
+    C3: Array
+    last_changes: Array
+    lost_states: tuple[tuple[int, int], ...]
+
+
+class LaggedRefit:
+    """Elements and networks, one for one, with the fit between them.
+
+    Parameters
+    ----------
+    stepper_of : the finite elements with constants C2 (MPa) and C3, shape (elements,)
+    networks : of the elements, in their order
+    fit : constants from the one curve of a network
+    """
+
+    def __init__(
+        self,
+        stepper_of: Callable[[Array, Array], LoadStepper],
+        networks: Sequence[FollowedNetwork],
+        fit: Callable[[Curves], HGOFit],
+    ) -> None:
+        self.stepper_of, self.networks, self.fit = stepper_of, networks, fit
+
+    def follow(self, targets: Array, C2: Array, C3: Array, repetitions: int) -> LaggedSolution:
+        """Equilibria at prescribed values, shape (steps, prescribed), mm, from initial constants, shape (elements,).
+
+        The last step is solved once more after each of `repetitions` fits to its own deformation. Raises LoadStepError
+        with the part before a step that was not reached.
+        """
+        steps = len(targets)
+        states: list[State | None] = [None] * len(self.networks)
+        record = _Record(steps, len(self.networks))
+        parts: list[Solution] = []
+        constants = np.full((2, steps, len(self.networks)), np.nan)
+        changes = []
+        start = None
+        for step in range(steps):
+            constants[:, step] = C2, C3
+            parts.append(self._solved(targets, step, start, parts, C2, C3))
+            before = states
+            states = self._driven(parts[-1], step, before, record)
+            for _ in range(repetitions if step == steps - 1 else 0):
+                C2, C3 = self._fitted(record, step)
+                changes.append(np.abs(np.array([C2, C3]) - constants[:, step]).max(axis=1))
+                constants[:, step] = C2, C3
+                # From the state before: the path decides, not the guess that came first.
+                parts[-1] = self._solved(targets, step, start, parts[:-1], C2, C3)
+                self._driven(parts[-1], step, before, record)
+            start = parts[-1].displacement[0]
+            C2, C3 = self._fitted(record, step)
+        lost = tuple((int(k), int(step)) for step, k in np.argwhere(np.isnan(record.energy)))
+        return LaggedSolution(_joined(parts, steps), constants[0], constants[1], np.array(changes), lost)
+
+    def _solved(
+        self, targets: Array, step: int, start: Array | None, before: list[Solution], C2: Array, C3: Array
+    ) -> Solution:
+        try:
+            return self.stepper_of(C2, C3).follow(targets[step : step + 1], start)
+        except LoadStepError as error:
+            text = str(error).replace("step 0:", f"step {step}:", 1)
+            raise LoadStepError(text, _joined([*before, error.solution], len(targets))) from None
+
+    def _driven(self, part: Solution, step: int, before: list[State | None], record: _Record) -> list[State | None]:
+        """States of the networks under their elements' average F; one that is lost waits at the state before."""
+        gradients = part.deformation_gradient[0].mean(axis=1)
+        states = list(before)
+        for k, (network, gradient) in enumerate(zip(self.networks, gradients, strict=True)):
+            try:
+                state = network.solver.equilibrium(gradient, before[k])
+            except ConvergenceError:
+                state = None
+            record.gradient[step + 1, k] = gradient
+            if state is None or not state.converged:
+                record.energy[step + 1, k] = record.stress[step + 1, k] = np.nan
+                continue
+            states[k] = state
+            scale = network.stress_scale_MPa
+            record.energy[step + 1, k] = homogenization.strain_energy_density(network.solver, state, scale)
+            record.stress[step + 1, k] = homogenization.cauchy_stress(network.solver, state, scale)
+        return states
+
+    def _fitted(self, record: _Record, step: int) -> tuple[Array, Array]:
+        fits = [self.fit(record.curve(k, step, network)) for k, network in enumerate(self.networks)]
+        return np.array([fit.C2 for fit in fits]), np.array([fit.C3 for fit in fits])
+
+
+class _Record:
+    """What all networks did, the step first and rest at 0."""
+
+    def __init__(self, steps: int, networks: int) -> None:
+        self.gradient = np.tile(np.eye(3), (steps + 1, networks, 1, 1))
+        self.energy, self.stress = np.zeros((steps + 1, networks)), np.zeros((steps + 1, networks, 3, 3))
+
+    def curve(self, k: int, step: int, network: FollowedNetwork) -> Curves:
+        """The curve of network `k` up to a load step, itself included."""
+        upto = slice(0, step + 2)
+        arrays = self.gradient[upto, k], self.energy[upto, k], self.stress[upto, k]
+        gradient, energy, stress = (array[None] for array in arrays)
+        return Curves(gradient, network.structure_tensor, energy, stress)
+
+
+def _joined(parts: Sequence[Solution], steps: int) -> Solution:
+    """One solution of consecutive single steps; those that are missing at its end did not converge."""
+    filling = {"newton_iterations": 0, "cuts": 0, "converged": False}
+    names = ("displacement", "internal_force", "deformation_gradient", "stress", *filling)
+    arrays = {}
+    for name in names:
+        known = np.concatenate([getattr(part, name) for part in parts])
+        arrays[name] = np.full((steps, *known.shape[1:]), filling.get(name, np.nan), dtype=known.dtype)
+        arrays[name][: len(known)] = known
+    solvers = sum((Counter(part.linear_solvers) for part in parts), Counter())
+    attempts = tuple(replace(one, step=step) for step, part in enumerate(parts) for one in part.attempts)
+    return Solution(**arrays, linear_solvers=dict(solvers), state=parts[-1].state, attempts=attempts)

@@ -1,0 +1,304 @@
+"""What is wrong between keys of the config that are each right, in one line each with the key's path."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fibrous.deformation import Load, averaged_stretch, largest_principal_stretch
+from fibrous.errors import LoadError
+from fibrous.study import plan
+from fibrous.study.plan import (
+    CASE_PATH,
+    CASE_PROTOCOL,
+    FIGURE_NETWORK,
+    FIGURE_PROTOCOLS,
+    REFIT,
+    SURVEY_NETWORKS,
+    Config,
+)
+
+SURFACE_TERMS = 9
+LARGEST_BATCH = 5000  # its numbers travel on the command line of a job
+LARGEST_EXPONENT = 350.0  # exp of it, and the square of that, are finite in double precision
+# A Delaunay network needs some ten nodes in the cube before its alignment means anything.
+LEAST_FIBER_LENGTH = 40.0
+LARGEST_FIBER_LENGTH = 20000.0  # some 90,000 nodes: beyond it the banded factor alone fills the memory of a machine
+
+
+def contradictions(config: Config) -> Iterator[str]:
+    """What is wrong between keys that are each right."""
+    yield from _repeated(config)
+    yield from _files(config)
+    yield from _cube(config)
+    if config["network"] == "delaunay":
+        yield from _alignments(config)
+        yield from _ensemble(config)
+    yield from _loads(config)
+    yield from _load_sets(config)
+    yield from _specimen(config)
+    if config["network"] == "delaunay":
+        yield from _tissue(config)
+
+
+def _repeated(config: Config) -> Iterator[str]:
+    lists = {key: config[key] for key in ("named", "network_files", "protocols", "load_sets")}
+    for key, entries in {**lists, "tissue.models": config["tissue"]["models"]}.items():
+        names = [entry["name"] for entry in entries]
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                yield f"{key}[{i}].name is {name}, which {key}[{names.index(name)}] is called already"
+
+
+def _files(config: Config) -> Iterator[str]:
+    entries = config["network_files"]
+    if config["network"] == "file" and not entries:
+        yield "network_files is empty, must name your networks for network: file"
+    if config["network"] != "file" and entries:
+        yield "network_files names files, but network is delaunay; write network: file or leave the list empty"
+    for i, entry in enumerate(entries):
+        given = set(entry) - {"name"}
+        if given not in ({"nodes", "fibers"}, {"file"}):
+            yield f"network_files[{i}] must have nodes and fibers, or file alone"
+        for key in sorted(given):
+            if not Path(entry[key]).is_file():
+                yield f"network_files[{i}].{key} is {entry[key]}, no such file seen from {Path.cwd()}"
+
+
+def _cube(config: Config) -> Iterator[str]:
+    fiber, cube = config["fiber"], config["cube"]
+    if fiber["radius_um"] >= cube["edge_length_um"] / 2:
+        yield f"fiber.radius_um is {fiber['radius_um']:g}, must be less than half of cube.edge_length_um"
+        return
+    length = cube["volume_fraction"] * cube["edge_length_um"] ** 2 / (math.pi * fiber["radius_um"] ** 2)
+    if config["network"] == "delaunay" and length < LEAST_FIBER_LENGTH:
+        yield (
+            f"cube.volume_fraction is {cube['volume_fraction']:g}, which with this radius and edge leaves {length:.3g} "
+            f"edge lengths of fiber in the cube, must be at least {LEAST_FIBER_LENGTH:g}: enlarge cube.edge_length_um"
+        )
+    if config["network"] == "delaunay" and length > LARGEST_FIBER_LENGTH:
+        yield (
+            f"cube.edge_length_um is {cube['edge_length_um']:g}, which with this radius and volume fraction puts "
+            f"{length:.3g} edge lengths of fiber into the cube, must be at most {LARGEST_FIBER_LENGTH:g}"
+        )
+    largest = min(config["principal_stretch_limit"], fiber["linear_beyond_stretch"] or math.inf)
+    if fiber["nonlinearity"] * (largest**2 - 1) / 2 > LARGEST_EXPONENT:
+        yield (
+            f"fiber.nonlinearity is {fiber['nonlinearity']:g}, which makes a fiber's force overflow at the stretch "
+            f"{largest:g}: lower it, principal_stretch_limit or fiber.linear_beyond_stretch"
+        )
+
+
+def _alignments(config: Config) -> Iterator[str]:
+    least, largest = config["delaunay"]["H11"]
+    smallest = config["delaunay"]["smallest_H"]
+    if least >= largest:
+        yield f"delaunay.H11 is [{least:g}, {largest:g}], must rise"
+    if 1 - largest < 2 * smallest:
+        yield (
+            f"delaunay.H11 reaches {largest:g}, which leaves no room for H22 and H33 of at least delaunay.smallest_H "
+            f"= {smallest:g}: the components add up to 1"
+        )
+    for i, entry in enumerate(config["named"]):
+        if entry["H11"] + entry["H22"] >= 1:
+            yield f"named[{i}] has H11 + H22 = {entry['H11'] + entry['H22']:g}, must be less than 1, the trace of H"
+    names = {entry["name"] for entry in config["named"]}
+    for name in (FIGURE_NETWORK, *SURVEY_NETWORKS):
+        if name not in names:
+            yield f"named lacks {name}, which a figure draws"
+
+
+def _ensemble(config: Config) -> Iterator[str]:
+    networks, batches = config["delaunay"]["networks"], config["delaunay"]["batches"]
+    folds = config["surface"]["cross_validation_folds"]
+    if networks > LARGEST_BATCH * batches:
+        yield (
+            f"delaunay.batches is {batches}, which puts {networks / batches:.0f} networks into one, "
+            f"must leave at most {LARGEST_BATCH}"
+        )
+    if batches > networks:
+        yield f"delaunay.batches is {batches}, must be at most delaunay.networks = {networks}"
+    if folds > networks:
+        yield f"surface.cross_validation_folds is {folds}, must be at most delaunay.networks = {networks}"
+    elif networks - math.ceil(networks / folds) <= SURFACE_TERMS:
+        yield (
+            f"delaunay.networks is {networks}, too few for the {SURFACE_TERMS} coefficients of Eq. 11 "
+            f"with surface.cross_validation_folds = {folds}"
+        )
+
+
+def _loads(config: Config) -> Iterator[str]:
+    yield from _wanted_protocols(config)
+    for i, protocol in enumerate(config["protocols"]):
+        if protocol["name"].startswith(REFIT):
+            yield f"protocols[{i}].name is {protocol['name']}, must not begin with {REFIT}, as those of the refits do"
+        names = [entry["load"] for entry in protocol["loads"]]
+        followed = not all({"magnitude", "deformation_gradient"} & set(entry) for entry in protocol["loads"][1:])
+        for j, entry in enumerate(protocol["loads"]):
+            path = f"protocols[{i}].loads[{j}]"
+            if entry["load"] in names[:j]:
+                yield f"{path}.load is {entry['load']}, which the protocol has already"
+            yield from _load(config, entry, path, first=j == 0, followed=followed)
+
+
+def _wanted_protocols(config: Config) -> Iterator[str]:
+    """Protocols that tables and figures need, with the ensembles that they must load."""
+    if config["network"] == "file":
+        return
+    ensembles = {entry["name"]: entry["ensembles"] for entry in config["protocols"]}
+    wanted = [(name, ensemble, "the figures draw") for name in FIGURE_PROTOCOLS for ensemble in ("delaunay", "named")]
+    wanted += [(name, "named", "Figure 8 draws") for name in (CASE_PROTOCOL, CASE_PATH)]
+    for name, ensemble, what in wanted:
+        if name not in ensembles:
+            yield f"protocols lacks {name}, which {what}"
+        elif ensemble not in ensembles[name]:
+            yield f"protocols: the ensembles of {name} lack {ensemble}, which {what}"
+    for entry in config["protocols"]:
+        if entry["name"] == CASE_PATH and CASE_PATH not in plan.loads(entry):
+            yield f"protocols: {CASE_PATH} lacks a load of that name, with Eq. 9's deformation_gradient"
+
+
+def _load(config: Config, entry: Config, path: str, first: bool, followed: bool) -> Iterator[str]:
+    """What is wrong with a load; `followed` where others of its protocol end where the first one does."""
+    gradient, said = None, f"{path}.deformation_gradient"
+    if "deformation_gradient" in entry:
+        gradient = np.array(entry["deformation_gradient"])
+        if "magnitude" in entry:
+            yield f"{path} has a magnitude and a deformation_gradient, must have one of them"
+        if not np.linalg.det(gradient) > 0:
+            yield f"{said} has the determinant {np.linalg.det(gradient):.4g}, must be greater than 0"
+            return
+        at_rest, said = bool((gradient == np.eye(3)).all()), f"{said} is given"
+    else:
+        try:
+            load = Load.parse(entry["load"])
+        except LoadError:
+            yield (
+                f"{path}.load is {entry['load']}, must be x_uniaxial, xy_biaxial or xy_shear, with the axes you need, "
+                "or come with its deformation_gradient"
+            )
+            return
+        if "magnitude" not in entry:
+            if first:
+                yield f"{path}.magnitude is missing: the first load gives the averaged stretch of the others"
+            return
+        gradient = load.deformation_gradient(entry["magnitude"])
+        at_rest, said = entry["magnitude"] == load.rest, f"{path}.magnitude is {entry['magnitude']:g}"
+    stretch, limit = float(largest_principal_stretch(gradient)), config["principal_stretch_limit"]
+    if at_rest:
+        yield f"{said}, which deforms nothing"
+    elif stretch > limit:
+        yield f"{said}, a principal stretch of {stretch:.4g}, must stay within principal_stretch_limit = {limit:g}"
+    elif first and followed:
+        yield from _unstretched(config, gradient, said)
+
+
+def _unstretched(config: Config, gradient: Any, said: str) -> Iterator[str]:
+    """λ_f² = H:C is linear in H, so the corners of the region of alignments speak for all of it."""
+    if config["network"] == "file":
+        return
+    smallest = config["delaunay"]["smallest_H"]
+    corners = [(H11, H22) for H11 in config["delaunay"]["H11"] for H22 in (smallest, 1 - H11 - smallest)]
+    corners += [(entry["H11"], entry["H22"]) for entry in config["named"]]
+    for H11, H22 in corners:
+        stretch = float(averaged_stretch(gradient, np.diag([H11, H22, 1 - H11 - H22])))
+        if stretch <= 1:
+            yield (
+                f"{said}, which gives a network of H = ({H11:.3g}, {H22:.3g}, {1 - H11 - H22:.3g}) the averaged "
+                f"stretch {stretch:.4g}; must exceed 1 for every network, or no other load can reach it"
+            )
+            return
+
+
+def _load_sets(config: Config) -> Iterator[str]:
+    available = {protocol["name"]: {entry["load"] for entry in protocol["loads"]} for protocol in config["protocols"]}
+    for i, load_set in enumerate(config["load_sets"]):
+        for j, load in enumerate(load_set["loads"]):
+            path = f"load_sets[{i}].loads[{j}]"
+            if load in load_set["loads"][:j]:
+                yield f"{path} is {load}, which the set has already"
+            if not any(load in loads for loads in available.values()):
+                yield f"{path} is {load}, which no protocol has"
+                continue
+            for name in FIGURE_PROTOCOLS:
+                if config["network"] == "delaunay" and load not in available.get(name, {load}):
+                    yield f"{path} is {load}, which protocol {name} lacks, so that Table 1 cannot be made"
+
+
+def _specimen(config: Config) -> Iterator[str]:
+    files, slab = config["specimen_files"], config["synthetic_specimen"]
+    if config["specimen"] == "synthetic" and files:
+        yield "specimen_files names files, but specimen is synthetic; write specimen: file or leave them out"
+    if config["specimen"] == "file":
+        for key in ("mesh", "motion", "fibers"):
+            if key not in files:
+                yield f"specimen_files.{key} is missing, must name a file for specimen: file"
+            elif not Path(files[key]).is_file():
+                yield f"specimen_files.{key} is {files[key]}, no such file seen from {Path.cwd()}"
+        return
+    for key in ("H11", "in_plane_share"):
+        least, largest = slab[key]
+        if least >= largest:
+            yield f"synthetic_specimen.{key} is [{least:g}, {largest:g}], must rise"
+    if slab["length_mm"] >= math.pi * slab["radius_mm"]:
+        yield (
+            f"synthetic_specimen.length_mm is {slab['length_mm']:g}, which bent to radius_mm = {slab['radius_mm']:g} "
+            "makes more than half a turn; enlarge synthetic_specimen.radius_mm"
+        )
+    if slab["thickness_mm"] >= 2 * slab["radius_mm"]:
+        yield (
+            f"synthetic_specimen.thickness_mm is {slab['thickness_mm']:g}, must be less than twice radius_mm = "
+            f"{slab['radius_mm']:g}, the middle of the bend"
+        )
+    if slab["gap_mm"] <= -slab["length_mm"]:
+        yield f"synthetic_specimen.gap_mm is {slab['gap_mm']:g}, which pushes one bone through the other"
+    elements = math.prod(slab["elements"])
+    if config["tissue"]["batches"] > elements:
+        yield f"tissue.batches is {config['tissue']['batches']}, must be at most the specimen's {elements} elements"
+
+
+def _tissue(config: Config) -> Iterator[str]:
+    tissue, load_sets = config["tissue"], {entry["name"]: entry for entry in config["load_sets"]}
+    protocols = {entry["name"]: entry for entry in config["protocols"]}
+    load_set, name = tissue["load_set"], tissue["protocol"]
+    if load_set not in load_sets:
+        yield f"tissue.load_set is {load_set}, must be one of {', '.join(load_sets)}"
+        return
+    for path, protocol in (("tissue.protocol", name), ("protocols: section_2_6", CASE_PROTOCOL)):
+        missing = set(load_sets[load_set]["loads"]) - plan.loads(protocols.get(protocol, load_sets[load_set]))
+        if missing:
+            yield f"{path} lacks {min(missing)}, which tissue.load_set = {load_set} asks for"
+    if name not in protocols:
+        yield f"tissue.protocol is {name}, must be one of {', '.join(protocols)}"
+    elif "tissue" not in protocols[name]["ensembles"]:
+        yield f"tissue.protocol is {name}, whose ensembles lack tissue"
+    for i, model in enumerate(tissue["models"]):
+        yield from _model(config, model, f"tissue.models[{i}]")
+    names = [run.name for run in plan.runs(config)]
+    for name in dict.fromkeys(name for i, name in enumerate(names) if name in names[:i]):
+        models = [model["name"] for model in tissue["models"]]
+        if models.count(name) < 2:
+            yield f"tissue.models: {name} is the name of a model and of another one's refit"
+
+
+def _model(config: Config, model: Config, path: str) -> Iterator[str]:
+    """Keys that a model needs, and those that say nothing in it."""
+    needed = set()
+    if model["law"] in ("families", "structure_tensor"):
+        needed = {"constants"}
+        if model.get("constants") == "fit":
+            needed |= {"energy", "objective"}
+    for key in sorted(needed - set(model)):
+        yield f"{path}.{key} is missing, must be given for {model['name']}"
+    extra = set(model) - needed - {"name", "law"}
+    if model.get("constants") == "fit":
+        extra -= {"refit"}
+    for key in sorted(extra - {"refit"} if not model.get("refit") else extra):
+        yield f"{path}.{key} says nothing about {model['name']}: leave it out"
+    surface = config["tissue"]["surface_protocol"]
+    if model.get("constants") == "surface" and surface not in plan.compared_protocols(config):
+        yield f"tissue.surface_protocol is {surface}, of which there is no surface, must be one of those in Table 1"

@@ -1,0 +1,91 @@
+"""Rule `lagged`: a run of the tissue whose constants are fitted anew at every load step for the next (Fig. 4b)."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fibrous import datasets
+from fibrous.errors import DatasetError
+from fibrous.fe.solver import LoadStepError, LoadStepper
+from fibrous.fitting.hgo import fit_constants
+from fibrous.hybrid import FollowedNetwork, LaggedRefit
+from fibrous.study.loading import loaded_networks
+from fibrous.study.solutions import (
+    Constants,
+    failed_name,
+    fitted_constants,
+    read_specimen,
+    say,
+    tissue_dataset,
+    tissue_material,
+    write_tissue,
+)
+
+
+def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
+    """Read `specimen`, the initial `fits` and the `networks`; write `tissue` and `vtu`.
+
+    Raises LoadStepError as the rule `tissue` does, DatasetError where an element has no network or no constants.
+    """
+    config = params["config"]
+    model, matrix = config["model"], config["matrix"]
+    specimen, numbers = read_specimen(inputs["specimen"][0])
+    initial = fitted_constants(inputs["fits"][0], numbers, model, config["load_set"])
+
+    def stepper_of(C2: np.ndarray, C3: np.ndarray) -> LoadStepper:
+        material = tissue_material(config, Constants(C2, C3, initial.structure_tensor))
+        return LoadStepper.of(specimen.mesh, material, specimen.prescribed, config["linear_solver"])
+
+    refit = LaggedRefit(
+        stepper_of,
+        _networks(inputs["networks"], numbers, config["equilibrium"]),
+        lambda curves: fit_constants(
+            curves,
+            energy=model["energy"],
+            objective=model["objective"],
+            tension_only=config["tension_only"],
+            **config["fit"],
+        ),
+    )
+    targets = specimen.prescribed.values
+    try:
+        found = refit.follow(targets, initial.C2, initial.C3, config["iterations_of_last_step"])
+    except LoadStepError as error:
+        kept = failed_name(outputs["tissue"])
+        unknown = np.full((len(targets), len(numbers)), np.nan)
+        dataset = tissue_dataset(specimen, error.solution, unknown, unknown, initial.structure_tensor, matrix)
+        datasets.write(dataset, kept, "tissue", params)
+        raise LoadStepError(
+            f"model {config['run']}: {error} (the converged part is in {kept})", error.solution
+        ) from None
+    say(found.solution.attempts)
+    for network, step in found.lost_states:
+        print(
+            f"network {numbers[network]}, step {step}: no equilibrium was found; left out of the fits", file=sys.stderr
+        )
+    for C2, C3 in found.last_changes:
+        print(f"last step again: C2 changed by up to {C2:.3g} MPa, C3 by up to {C3:.3g}", file=sys.stderr)
+    write_tissue(
+        specimen,
+        tissue_dataset(specimen, found.solution, found.C2, found.C3, initial.structure_tensor, matrix),
+        outputs,
+        params,
+    )
+
+
+def _networks(paths: list[Path], wanted: np.ndarray, limits: Mapping[str, Any]) -> list[FollowedNetwork]:
+    """The networks of the elements in their order."""
+    found = {
+        one.number: FollowedNetwork(one.solver, one.structure_tensor, one.stress_scale_MPa)
+        for path in paths
+        for one in loaded_networks(path, limits, lambda *_: [])
+    }
+    missing = [number for number in wanted.tolist() if number not in found]
+    if missing:
+        raise DatasetError(f"{paths[0].parent}: lacks network {missing[0]}; delete the folder and run again")
+    return [found[number] for number in wanted.tolist()]

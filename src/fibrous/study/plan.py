@@ -1,0 +1,143 @@
+"""What the config asks for, in words that stages share: ensembles, protocols, batches, and runs of the tissue."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+Config = Mapping[str, Any]
+Wildcards = Mapping[str, str]
+
+FIGURE_NETWORK = "case"
+SURVEY_NETWORKS = ("fig6_1", "fig6_2", "fig6_3", "fig6_4", "fig6_5")
+FIGURE_PROTOCOLS = ("large", "small")
+# Section 2.6: where the constants come from, and the deformation on which they are tried.
+CASE_PROTOCOL, CASE_PATH = "section_2_6", "eq9"
+REFIT = "refit_"  # protocol of the deformations that a run of the tissue found
+EQ_2 = {"energy": "structure_tensor", "objective": "energy"}
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One module with its files: patterns of the outputs by name, and functions of config and wildcards."""
+
+    module: str
+    outputs: Mapping[str, str]
+    inputs: Callable[[Config, Wildcards], dict[str, list[str]]]
+    config: Callable[[Config, Wildcards], dict[str, Any]]
+    instances: Callable[[Config], list[dict[str, str]]]
+
+
+@dataclass(frozen=True)
+class Run:
+    """One finite element run of the tissue.
+
+    name : of its files; model : its entry in the config
+    refits : how often its constants were fitted anew; 0 for the initial ones
+    source : run whose deformation the constants were fitted to, empty for the initial ones
+    """
+
+    name: str
+    model: Config
+    refits: int = 0
+    source: str = ""
+
+
+def ensembles(config: Config) -> list[str]:
+    """Ensembles of the study: the 750, the named networks and those of the tissue, or the user's own."""
+    return ["file"] if config["network"] == "file" else ["delaunay", "named", "tissue"]
+
+
+def protocols(config: Config) -> list[str]:
+    """Names of the protocols in the config's order."""
+    return [protocol["name"] for protocol in config["protocols"]]
+
+
+def protocol(config: Config, name: str) -> Config:
+    """The protocol called `name`."""
+    return next(entry for entry in config["protocols"] if entry["name"] == name)
+
+
+def loads(entry: Config) -> set[str]:
+    """Names of the loads of a protocol."""
+    return {load["load"] for load in entry["loads"]}
+
+
+def loaded_ensembles(config: Config, entry: Config) -> list[str]:
+    """Ensembles that a protocol loads: those it names, or the user's networks, which take every protocol."""
+    return ["file"] if config["network"] == "file" else list(entry["ensembles"])
+
+
+def compared_protocols(config: Config) -> list[str]:
+    """Protocols of the 750 networks that hold every load of every load set, so that Table 1 can be made from them."""
+    wanted = {load for load_set in config["load_sets"] for load in load_set["loads"]}
+    return [
+        entry["name"] for entry in config["protocols"] if wanted <= loads(entry) and "delaunay" in entry["ensembles"]
+    ]
+
+
+def parts(config: Config, ensemble: str) -> int:
+    """Number of batches of an ensemble."""
+    if ensemble == "file":
+        return min(config["delaunay"]["batches"], len(config["network_files"]))
+    return {"delaunay": config["delaunay"]["batches"], "named": 1, "tissue": config["tissue"]["batches"]}[ensemble]
+
+
+def batches(config: Config, ensemble: str) -> list[str]:
+    """Names of an ensemble's batches: zero-padded numbers.
+
+    >>> batches({"delaunay": {"batches": 2}, "tissue": {"batches": 1}}, "delaunay")
+    ['00', '01']
+    """
+    count = parts(config, ensemble)
+    return [f"{part:0{max(2, len(str(count - 1)))}d}" for part in range(count)]
+
+
+def runs(config: Config) -> list[Run]:
+    """Every run of the tissue: each model with its initial constants, then with those fitted anew round by round.
+
+    >>> two = {"models": [{"name": "a", "refit": True}], "refit_rounds": 2, "update": "rounds"}
+    >>> [(run.name, run.source) for run in runs({"network": "delaunay", "tissue": two})]
+    [('a', ''), ('a_refit', 'a'), ('a_refit_2', 'a_refit')]
+    """
+    if config["network"] == "file":
+        return []
+    tissue, found = config["tissue"], []
+    # With lagged constants the rounds are iterations of the last step, inside one run.
+    rounds = tissue["refit_rounds"] if tissue["update"] == "rounds" else 1
+    for model in tissue["models"]:
+        run = Run(model["name"], model)
+        found.append(run)
+        for refits in range(1, rounds + 1 if model.get("refit") else 1):
+            run = Run(f"{model['name']}_refit" + (f"_{refits}" if refits > 1 else ""), model, refits, run.name)
+            found.append(run)
+    return found
+
+
+def run_called(config: Config, name: str) -> Run:
+    """The run of that name."""
+    return next(run for run in runs(config) if run.name == name)
+
+
+def is_lagged(config: Config, run: Run) -> bool:
+    """Whether the run's constants are fitted anew at every load step (Fig. 4b) instead of between runs."""
+    return bool(run.refits) and config["tissue"]["update"] == "lagged"
+
+
+def drawn_runs(config: Config) -> list[str]:
+    """Runs that figures of the tissue show: the first model that is refitted before and after, or the first alone."""
+    every = runs(config)
+    refitted = next((run for run in every if run.refits), None)
+    return [refitted.source, refitted.name] if refitted else [every[0].name]
+
+
+def forms(config: Config) -> list[dict[str, str]]:
+    """Energies and objectives that the models of the tissue ask to be fitted, each once, Eq. 2's energy first."""
+    wanted = [form_of(model) for model in config["tissue"]["models"] if model.get("constants") == "fit"]
+    return [form for i, form in enumerate([EQ_2, *wanted]) if form not in [EQ_2, *wanted][:i]]
+
+
+def form_of(model: Config) -> dict[str, str]:
+    """Energy and objective of the fits behind a model's constants."""
+    return {key: model[key] for key in EQ_2}

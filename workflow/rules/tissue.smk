@@ -1,0 +1,172 @@
+# Sections 2.5 to 2.7: finite elements with constants from networks, refits to the deformation found, the case study.
+
+
+rule specimen:
+    input:
+        unpack(inputs("specimen")),
+    output:
+        **outputs("specimen"),
+    log:
+        "logs/tissue/specimen.log",
+    threads: 1
+    resources:
+        mem_mb=1000,
+    params:
+        params("specimen"),
+    message:
+        "Making the specimen: mesh, fibers, and the motion of its entheses"
+    shell:
+        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --output specimen {output.specimen:q} > {log:q} 2>&1'
+
+
+rule tissue:
+    input:
+        stages.files("specimen", "specimen", config),
+        stages.files("tissue", "tissue", config),
+        stages.files("lagged", "tissue", config),
+        stages.files("febio", "feb", config),
+        stages.files("tissue_table", "table", config),
+        stages.files("convergence", "convergence", config),
+    message:
+        "All finite element runs of the tissue"
+
+
+rule deform_networks_as_in_tissue:
+    input:
+        unpack(inputs("refit_curves")),
+    output:
+        **outputs("refit_curves"),
+    log:
+        "logs/curves/tissue/refit_{run}/{batch}.log",
+    threads: 1
+    resources:
+        mem_mb=1500,
+    params:
+        params("refit_curves"),
+    message:
+        "Deforming batch {wildcards.batch} of the tissue's networks as their elements are in run {wildcards.run}"
+    shell:
+        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input networks {input.networks:q}'
+        " --input specimen {input.specimen:q} --input tissue {input.tissue:q}"
+        " --output curves {output.curves:q} > {log:q} 2>&1"
+
+
+rule refit_networks:
+    input:
+        unpack(inputs("refits")),
+    output:
+        **outputs("refits"),
+    log:
+        "logs/fits/tissue/refit_{run}.log",
+    threads: 1
+    resources:
+        mem_mb=1500,
+    params:
+        params("refits"),
+    message:
+        "Fitting the constants anew to the deformation of run {wildcards.run}"
+    shell:
+        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input curves {input.curves:q}'
+        " --output fits {output.fits:q} > {log:q} 2>&1"
+
+
+rule deform_tissue:
+    input:
+        unpack(inputs("tissue")),
+    output:
+        **outputs("tissue"),
+    wildcard_constraints:
+        run="|".join(instance["run"] for instance in stages.STAGES["tissue"].instances(config)),
+    log:
+        "logs/tissue/{run}.log",
+    threads: 1
+    resources:
+        mem_mb=2500,
+    params:
+        params("tissue"),
+    message:
+        "Deforming the specimen: run {wildcards.run}"
+    shell:
+        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input specimen {input.specimen:q}'
+        " --input fits {input.fits:q} --input surface {input.surface:q} --input networks {input.networks:q}"
+        " --output tissue {output.tissue:q} --output vtu {output.vtu:q} > {log:q} 2>&1"
+
+
+rule deform_tissue_with_lagged_constants:
+    input:
+        unpack(inputs("lagged")),
+    output:
+        **outputs("lagged"),
+    wildcard_constraints:
+        run="|".join(instance["run"] for instance in stages.STAGES["lagged"].instances(config)),
+    log:
+        "logs/tissue/{run}.log",
+    threads: 1
+    resources:
+        mem_mb=4000,
+    params:
+        params("lagged"),
+    message:
+        "Deforming the specimen, with constants fitted anew at every load step: run {wildcards.run}"
+    shell:
+        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input specimen {input.specimen:q}'
+        " --input fits {input.fits:q} --input networks {input.networks:q}"
+        " --output tissue {output.tissue:q} --output vtu {output.vtu:q} > {log:q} 2>&1"
+
+
+rule write_febio_model:
+    input:
+        unpack(inputs("febio")),
+    output:
+        **outputs("febio"),
+    log:
+        "logs/tissue/{run}_febio.log",
+    threads: 1
+    resources:
+        mem_mb=1000,
+    params:
+        params("febio"),
+    message:
+        "Writing the problem of run {wildcards.run} for FEBio"
+    shell:
+        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input specimen {input.specimen:q}'
+        " --input tissue {input.tissue:q} --output feb {output.feb:q} > {log:q} 2>&1"
+
+
+rule tissue_table:
+    input:
+        unpack(inputs("tissue_table")),
+    output:
+        **outputs("tissue_table"),
+    log:
+        "logs/tissue/table.log",
+    threads: 1
+    resources:
+        mem_mb=2500,
+    params:
+        params("tissue_table"),
+    message:
+        "Setting the finite element runs side by side"
+    shell:
+        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input tissue {input.tissue:q}'
+        " --output table {output.table:q} > {log:q} 2>&1"
+
+
+rule case_study:
+    input:
+        unpack(inputs("case_study")),
+    output:
+        **outputs("case_study"),
+    log:
+        "logs/case_study.log",
+    threads: 1
+    resources:
+        mem_mb=1000,
+    params:
+        params("case_study"),
+    message:
+        "Trying the laws on a deformation that they were not fitted to (section 2.6)"
+    shell:
+        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input networks {input.networks:q}'
+        " --input curves {input.curves:q} --input fits {input.fits:q}"
+        " --output stresses {output.stresses:q} --output errors {output.errors:q} > {log:q} 2>&1"
