@@ -217,6 +217,17 @@ def test_specimen_shows_its_edges_at_rest_and_says_that_it_is_synthetic(runs):
     assert texts["fixed\nbone"].xy[0] < texts["moved\nbone"].xy[0]
 
 
+def test_a_law_without_constants_has_no_panels_of_them(study, tmp_path):
+    body, tissue = read(study["specimen"], "specimen"), read(study["hgo"], "tissue")
+    tissue["C2"][:], tissue["C3"][:] = np.nan, np.nan
+    write(tissue, tmp_path / "matrix.nc", "tissue", synthetic.params(0))
+    matrix = specimen.last_step(tmp_path / "matrix.nc", body)
+    assert specimen.element_table(body, [matrix])["matrix_C2_MPa"].isna().all()
+    letters = [text.get_text() for axes in specimen.draw(body, [matrix]).axes for text in axes.texts]
+    assert "d1" in letters
+    assert not {"b1", "c1"} & set(letters)
+
+
 def test_a_run_of_another_specimen_is_refused(study, tmp_path):
     tissue = read(study["hgo"], "tissue").isel(element=slice(1, None))
     write(tissue, tmp_path / "other.nc", "tissue", synthetic.params(0))
