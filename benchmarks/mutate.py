@@ -136,8 +136,8 @@ MUTATIONS = [
     Mutation(
         "scaling of C2 by the largest exponential",
         "fitting/hgo.py",
-        "C2 = amplitude * unit * np.exp(-s)",
-        "C2 = amplitude * unit * np.exp(s)",
+        "C2=float(found.amplitude * unit * np.exp(-found.s)",
+        "C2=float(found.amplitude * unit * np.exp(found.s)",
         "test_hgo_fit.py",
     ),
     Mutation(
