@@ -18,10 +18,8 @@ from fibrous.material_point import COMPONENTS, along_path, stress_errors
 from fibrous.materials.affine_fibers import AffineFibers
 from fibrous.materials.contract import Material
 from fibrous.materials.hgo import HGOFamilies, HGOStructureTensor
-from fibrous.networks.fiber_law import FiberLaw
-from fibrous.networks.homogenization import stress_scale
 from fibrous.study.fits import ALL, SINGLE, TENSOR_COLUMNS
-from fibrous.study.loading import unpacked
+from fibrous.study.loading import fiber_law, scale_of, unpacked
 
 NETWORK = "network"  # in the column `model`
 INITIAL, REFIT = "initial", "refit"
@@ -61,11 +59,11 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     compared = used & (path["step"].values > 0)
     if not compared.any():
         raise DatasetError(
-            f"{inputs['curves'][0]}: {config['network']} found no equilibrium beyond rest to compare with"
+            f"{inputs['curves'][0]}: {config['network']} found no equilibrium beyond rest; load it in more steps"
         )
     about = {"model": NETWORK, **NOTHING}
     states = [_states(about, path, path["strain_energy_density"].values, network)[used]]
-    errors = []
+    errors: list[dict[str, Any]] = []
     for model in _models(inputs, config, str(path["deformation"].item())):
         response = along_path(model.material, path["deformation_gradient"].values)
         states.append(_states(model.about, path, response.strain_energy_density, response.cauchy_stress))
@@ -140,15 +138,9 @@ def _fitted(row: Mapping[Any, Any], entry: Mapping[str, Any], constants: str, te
 def _affine_fibers(path: Path, name: str) -> AffineFibers:
     """The fibres of the network of that name in a file of networks, all stretched with F."""
     dataset = datasets.read(path, "networks")
-    constants = dataset.attrs
-    beyond = float(constants["fiber_linear_beyond_stretch"])
-    law = FiberLaw(float(constants["fiber_nonlinearity"]), np.inf if np.isnan(beyond) else beyond)
-    scale = stress_scale(
-        float(constants["fiber_modulus_MPa"]), float(constants["fiber_radius_um"]), float(constants["edge_length_um"])
-    )
     with naming(str(path)):
         network = unpacked(dataset)[_number_of(dataset, name, path)]
-    return AffineFibers.of_networks([network], law, scale)
+    return AffineFibers.of_networks([network], fiber_law(dataset), scale_of(dataset))
 
 
 def _states(about: Mapping[str, Any], path: xr.Dataset, energy: np.ndarray, stress: np.ndarray) -> pd.DataFrame:
