@@ -146,6 +146,8 @@ MUTATIONS = [
         "variance = surface.residual_variance + row",
         "variance = surface.residual_variance - row",
         "test_surface.py",
+    ),
+    Mutation(
         "tangent of the matrix",
         "materials/neo_hookean.py",
         "tangent -= crossed.swapaxes(1, 3)",
@@ -211,8 +213,8 @@ MUTATIONS = [
     Mutation(
         "state committed without convergence",
         "fe/solver.py",
-        "point = assembly.evaluate(displacement.copy(), here.state)",
-        "point = assembly.evaluate(displacement.copy(), point.state if residuals else here.state)",
+        "point = assembly.evaluate(displacement.copy(), here.state, near)",
+        "point = assembly.evaluate(displacement.copy(), near if residuals else here.state, near)",
         "test_fe_solver.py",
     ),
     Mutation(
