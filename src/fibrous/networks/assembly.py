@@ -61,8 +61,6 @@ class Assembly:
     nodes : the network's number of the node at each place of the order, shape (n,)
     reference : end-to-end vectors D at rest from tail to head, shape (fibers, 3), edges
     lengths : reference lengths, shape (fibers,), edges
-    tails, heads : places of the fibres' ends in the order, n for a boundary node, shape (fibers,)
-    width : of the lower band, its diagonal included
     """
 
     def __init__(self, network: Network, law: FiberLaw) -> None:
@@ -76,17 +74,16 @@ class Assembly:
         ends = number[network.fiber_nodes]
         backward = ends[:, 0] > ends[:, 1]
         ends.sort(axis=1)
-        self.tails, self.heads = np.ascontiguousarray(ends.T)
+        self._tails, self._heads = np.ascontiguousarray(ends.T)
         self.reference = np.where(backward[:, None], -1.0, 1.0) * network.fiber_vectors
         self.lengths = network.fiber_lengths
-        self.width = 3 * (_bandwidth(ends, self.size) + 1)
-        self._band = np.empty((3 * self.size, self.width))
+        self._band = np.empty((3 * self.size, 3 * (_bandwidth(ends, self.size) + 1)))
 
     def evaluate(self, gradient: Array, displacement: Array) -> Point:
         """Stretches, forces and residual at F, shape (3, 3), and u, shape (n + 1, 3)."""
         vectors = np.empty_like(self.reference)
         stretches = kernels.stretch_fibers(
-            gradient, displacement, self.reference, self.lengths, self.tails, self.heads, vectors
+            gradient, displacement, self.reference, self.lengths, self._tails, self._heads, vectors
         )
         # A trial may stretch a fibre beyond the range of floats; whoever asked refuses it for not being finite.
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -95,7 +92,7 @@ class Assembly:
             tension = force / current
             axial = (stiffness / self.lengths - tension) / (current * current)
             forces = tension[:, None] * vectors
-        residual = kernels.sum_at_nodes(forces, self.tails, self.heads, self.size).ravel()
+        residual = kernels.sum_at_nodes(forces, self._tails, self._heads, self.size).ravel()
         return Point(gradient, displacement, vectors, stretches, forces, tension, axial, residual)
 
     def energy(self, point: Point) -> float:
@@ -114,7 +111,7 @@ class Assembly:
             removed = share * np.minimum(tension, 0.0)
             axial = axial + removed / np.einsum("mi,mi->m", point.vectors, point.vectors)
             tension = tension - removed
-        kernels.assemble(point.vectors, tension, axial, self.tails, self.heads, self._band)
+        kernels.assemble(point.vectors, tension, axial, self._tails, self._heads, self._band)
         return self._band.T
 
     def factor(self, point: Point, share: float = 0.0) -> Array | None:
@@ -151,7 +148,7 @@ class Assembly:
 
     def _residual_rate(self, point: Point, gradient_rate: Array) -> tuple[Array, Array]:
         forces = kernels.force_rates(gradient_rate, self.reference, point.vectors, point.tension, point.axial)
-        return forces, kernels.sum_at_nodes(forces, self.tails, self.heads, self.size).ravel()
+        return forces, kernels.sum_at_nodes(forces, self._tails, self._heads, self.size).ravel()
 
 
 def narrowest_order(ends: Index, position: Array) -> Index:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array, eye_array
 from scipy.sparse.linalg import splu
 
-from fibrous.networks.lanes import LANES, least, load, magnitude, spread, square_root, store
+from fibrous.networks.lanes import least, load, magnitude, spread, square_root, store
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int32]
@@ -58,7 +58,7 @@ class Elimination:
 
 
 def minimum_degree(size: int, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Order of nodes, shape (size,), in which each has the fewest neighbours when its turn comes, nearly (SuperLU's)."""
+    """Order of nodes, shape (size,), in which each has nearly the fewest neighbours when its turn comes (SuperLU's)."""
     if size < 2:
         return np.arange(size)
     graph = coo_array((np.full(len(pairs), -1.0), pairs.T), shape=(size, size))
@@ -99,9 +99,9 @@ def _filled(first: NDArray[np.int64], neighbors: NDArray[np.int64]) -> tuple[Ind
 
 @njit(cache=True, nogil=True)
 def factorize(starts: Index, rows: Index, blocks: Array, least_pivot: float, slack: Array) -> None:
-    """Cholesky factor of matrices in place, (blocks, 9, lanes), and in `slack`, (1, lanes), what is above 0 where it exists.
+    """Cholesky factors in place of matrices, (blocks, 9, lanes); `slack`, (1, lanes), is above 0 where they exist.
 
-    It exists where every pivot is more than its share `least_pivot` of the diagonal element that it came from.
+    They exist where every pivot is more than its share `least_pivot` of the diagonal element that it came from.
     """
     size = len(starts) - 1
     place = np.empty(size, dtype=np.int32)
@@ -205,8 +205,3 @@ def solve(starts: Index, rows: Index, factor: Array, right: Array) -> None:
             store(right, (j, 2, p), y2)
             store(right, (j, 1, p), y1)
             store(right, (j, 0, p), (load(right, (j, 0, p)) - y2 * l20 - y1 * l10) * d0)
-
-
-def empty_blocks(elimination: Elimination) -> Array:
-    """Room for the Hessians of eight networks, shape (blocks, 9, lanes)."""
-    return np.empty((len(elimination.rows), 9, LANES))

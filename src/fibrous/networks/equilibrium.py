@@ -94,7 +94,7 @@ class EquilibriumSolver:
         Beyond a gradient that cannot be reached the states are returned unconverged and untried.
         Raises NetworkError where the network is a mechanism at rest.
         """
-        with reproducible():
+        with _reproducible():
             here = self._rest()
             states: list[State] = []
             for gradient in gradients:
@@ -108,7 +108,7 @@ class EquilibriumSolver:
 
     def equilibrium(self, gradient: Array, near: State | None = None) -> State:
         """The state at F, shape (3, 3), reached from a converged state at another F, or from rest."""
-        with reproducible():
+        with _reproducible():
             here = self._rest() if near is None else self._refactored(near)
             return self._reach(here, np.ascontiguousarray(gradient, dtype=float), 0).state
 
@@ -120,7 +120,7 @@ class EquilibriumSolver:
 
     def condensed_tangent(self, state: State) -> Array:
         """∂P/∂F of `Assembly.condensed_tangent` at a converged state; raises ConvergenceError at any other."""
-        with reproducible():
+        with _reproducible():
             return self.assembly.condensed_tangent(state.point, self._refactored(state).factor)
 
     def _rest(self) -> _Reached:
@@ -242,7 +242,7 @@ class EquilibriumSolver:
 
 
 @contextmanager
-def reproducible() -> Iterator[None]:
+def _reproducible() -> Iterator[None]:
     """One BLAS thread, whose sums do not depend on the machine's load; trial points may leave the range of floats."""
     with threadpool_limits(limits=1, user_api="blas"), np.errstate(over="ignore", invalid="ignore"):
         yield

@@ -63,8 +63,7 @@ def _pointer(context: Any, builder: Any, array_type: Any, array: Any, index_type
 
 
 @intrinsic
-def load(typing_context: Any, array: Any, index: Any) -> Any:
-    """The eight numbers at `index`, a tuple, of an array of lanes in single or double precision."""
+def _load(typing_context: Any, array: Any, index: Any) -> Any:
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         vector = builder.load(_pointer(context, builder, array, values[0], index, values[1]))
@@ -75,8 +74,7 @@ def load(typing_context: Any, array: Any, index: Any) -> Any:
 
 
 @intrinsic
-def store(typing_context: Any, array: Any, index: Any, value: Any) -> Any:
-    """Write eight numbers, or one in all lanes, at `index`, a tuple."""
+def _store(typing_context: Any, array: Any, index: Any, value: Any) -> Any:
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         pointer = _pointer(context, builder, array, values[0], index, values[1])
@@ -87,6 +85,15 @@ def store(typing_context: Any, array: Any, index: Any, value: Any) -> Any:
         return context.get_dummy_value()
 
     return types.void(array, index, value), generate
+
+
+@intrinsic
+def _spread(typing_context: Any, number: Any) -> Any:
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return _as_vector(context, builder, values[0], number)
+
+    return _LANES(number), generate
 
 
 def _two(emit: Callable[[Any, Any, Any], Any]) -> Any:
@@ -149,16 +156,12 @@ def _of_llvm(name: str) -> Any:
     return function
 
 
+#: ``load(array, index)``: the eight numbers at an index, a tuple, of an array of lanes in single or double precision.
+load: Any = _load
+#: ``store(array, index, value)``: write eight numbers, or one in all lanes, at an index.
+store: Any = _store
+#: ``spread(number)``: a number in all lanes.
+spread: Any = _spread
 square_root = _of_llvm("sqrt")
 exponential = _of_llvm("exp")
 magnitude = _of_llvm("fabs")
-
-
-@intrinsic
-def spread(typing_context: Any, number: Any) -> Any:
-    """A number in all lanes."""
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        return _as_vector(context, builder, values[0], number)
-
-    return _LANES(number), generate
