@@ -255,8 +255,8 @@ MUTATIONS = [
     Mutation(
         "state committed without convergence",
         "fe/solver.py",
-        "point = assembly.evaluate(displacement.copy(), here.state)",
-        "point = assembly.evaluate(displacement.copy(), point.state if residuals else here.state)",
+        "point = assembly.evaluate(displacement.copy(), here.state, near)",
+        "point = assembly.evaluate(displacement.copy(), near if residuals else here.state, near)",
         "test_fe_solver.py",
     ),
     Mutation(

@@ -74,15 +74,19 @@ class Assembly:
         self._components = (3 * mesh.element_nodes[:, :, None] + np.arange(3)).ravel()
         self._pattern = _Pattern(mesh, self.free, prescribed)
 
-    def evaluate(self, displacement: Array, state: State) -> Point:
-        """Forces and stiffness at a displacement, shape (nodes, 3), mm, from the state of the last equilibrium."""
+    def evaluate(self, displacement: Array, state: State, near: State = None) -> Point:
+        """Forces and stiffness at a displacement, shape (nodes, 3), mm, from the state of the last equilibrium.
+
+        `near` is the state of the trial before, if there was one in this increment.
+        """
         count = len(self.mesh.element_nodes)
         forces, stiffness, stresses = np.empty((count, 8, 3)), np.empty((count, 8, 72)), np.empty((count, 8, 3, 3))
         states = []
         for block, material in self._blocks:
             gradients = self._gradients[block]
             weighted = (gradients.reshape(-1, 8, 8, 3) * self._volumes[block, None, :, None]).reshape(-1, 8, 24)
-            stress, tangent, new = material(self._deformation_gradient(displacement, block), select(state, block))
+            gradient = self._deformation_gradient(displacement, block)
+            stress, tangent, new = material(gradient, select(state, block), select(near, block))
             # f_ai = Σ_q,J V ∂N_a/∂X_J P_iJ and K_aibk = Σ_q,J V ∂N_a/∂X_J (Σ_L A_iJkL ∂N_b/∂X_L)
             np.matmul(weighted, stress.swapaxes(-1, -2).reshape(-1, 24, 3), out=forces[block])
             ordered = tangent.transpose(0, 1, 3, 2, 4, 5).reshape(-1, 8, 27, 3)

@@ -143,8 +143,10 @@ class LoadStepper:
         right = -here.internal_force.reshape(-1)[free] - here.coupling @ change
         move = Move(change, self._linear(here, right, used))
         components[free] += move.response + (move.bend(before) if before is not None else 0.0)
+        near = None
         for _ in range(self.largest_number_of_iterations):
-            point = assembly.evaluate(displacement.copy(), here.state)
+            point = assembly.evaluate(displacement.copy(), here.state, near)
+            near = point.state
             right = -point.internal_force.reshape(-1)[free]
             size = float(np.linalg.norm(right))
             # Without a free component nothing is out of balance, however small the forces.

@@ -91,7 +91,7 @@ class AffineFibers(PerElement):
         shares = weights * lengths / (weights @ lengths)
         return cls(vectors / lengths[:, None], scale * total_length * shares, law)
 
-    def __call__(self, gradient: Array, state: State = None) -> tuple[Array, Array, State]:
+    def __call__(self, gradient: Array, state: State = None, near: State = None) -> tuple[Array, Array, State]:
         """P = F S, A_iJkL = δ_ik S_JL + F_iM F_kN D_MJNL, in MPa.
 
         With fibre force f and stiffness f' over λ: S = Σ v (f/λ) N ⊗ N and D = Σ v ((f' − f/λ)/λ²) N ⊗ N ⊗ N ⊗ N.

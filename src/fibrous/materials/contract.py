@@ -1,4 +1,4 @@
-"""What a material is: ``P, A, state = material(F, state)`` over arbitrary leading axes.
+"""What a material is: ``P, A, state = material(F, state, near)`` over arbitrary leading axes.
 
 F[..., i, J] is the deformation gradient ∂x_i/∂X_J, P[..., i, J] the first Piola–Kirchhoff stress ∂W/∂F_iJ and
 A[..., i, J, k, L] the tangent ∂P_iJ/∂F_kL, both in MPa. Parameters broadcast against the leading axes of F: in finite
@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from fibrous.errors import FibrousError
 
 Array = NDArray[np.float64]
-# None for a hyperelastic law; else an array, or a tuple of states, whose leading axes are those of F.
+# None for a hyperelastic law; else an array, or a tuple of states (named or not), whose leading axes are those of F.
 State = Any
 
 
@@ -31,12 +31,15 @@ class MaterialError(FibrousError):
 class Material(Protocol):
     """A law of stress; see the module's text for shapes and units."""
 
-    def __call__(self, gradient: Array, state: State = None) -> tuple[Array, Array, State]:
+    def __call__(self, gradient: Array, state: State = None, near: State = None) -> tuple[Array, Array, State]:
         """P (..., 3, 3), A (..., 3, 3, 3, 3) and the new state, for F of shape (..., 3, 3).
 
-        All three are new arrays: the caller may write into P and A, and `state` is left as it was. Where F has no
-        stress (a determinant that is not positive) P and A are not finite. Raises ConvergenceError where a law that
-        is solved for, not evaluated, finds no solution.
+        `state` is that of the last equilibrium, and the only memory of a law that has one. `near` is what the law
+        returned for a trial of the same increment, or None for the first: a law that is solved for may start there.
+
+        All three are new arrays: the caller may write into P and A, and both states are left as they were. Where F
+        has no stress (a determinant that is not positive) P and A are not finite. Raises ConvergenceError where a law
+        that is solved for, not evaluated, finds no solution.
         """
 
     def energy(self, gradient: Array) -> Array:
@@ -124,7 +127,7 @@ def select(state: State, elements: slice) -> State:
     if state is None:
         return None
     if isinstance(state, tuple):
-        return tuple(select(part, elements) for part in state)
+        return _alike(state, [select(part, elements) for part in state])
     return state[elements]
 
 
@@ -133,6 +136,13 @@ def join(states: Sequence[State]) -> State:
     first = states[0]
     if first is None:
         return None
+    if len(states) == 1:
+        return first
     if isinstance(first, tuple):
-        return tuple(join(parts) for parts in zip(*states, strict=True))
+        return _alike(first, [join(parts) for parts in zip(*states, strict=True)])
     return np.concatenate(states)
+
+
+def _alike(state: tuple[State, ...], parts: list[State]) -> State:
+    """A tuple of `parts`, with names where `state` has them."""
+    return type(state)(*parts) if hasattr(state, "_fields") else tuple(parts)

@@ -71,7 +71,7 @@ class HGOFamilies(PerElement):
         eigenvalues, eigenvectors = np.linalg.eigh(structure_tensor)
         return cls(C2, C3, np.maximum(eigenvalues, 0.0), np.swapaxes(eigenvectors, -1, -2), tension_only)
 
-    def __call__(self, gradient: Array, state: State = None) -> tuple[Array, Array, State]:
+    def __call__(self, gradient: Array, state: State = None, near: State = None) -> tuple[Array, Array, State]:
         """P = Σ 2W' f ⊗ N, A = Σ 2W' δ_ik N_J N_L + 4W'' f_i N_J f_k N_L with f = F N and W' = ∂W/∂I4, in MPa."""
         F, N, h, C2, C3 = self._components(gradient)
         stress, geometric = np.zeros_like(F), np.zeros_like(F)
@@ -124,7 +124,7 @@ class HGOStructureTensor(PerElement):
         _set_components(self, "structure_tensor", (3, 3))
         _refuse_structure_tensor(self.structure_tensor)
 
-    def __call__(self, gradient: Array, state: State = None) -> tuple[Array, Array, State]:
+    def __call__(self, gradient: Array, state: State = None, near: State = None) -> tuple[Array, Array, State]:
         """P = 2W' F H, A = 2W' δ_ik H_JL + 4W'' (F H)_iJ (F H)_kL with W' = ∂W/∂⟨I4⟩, in MPa."""
         F, H, C2, C3 = self._components(gradient)
         mapped = self._mapped(F, H)

@@ -22,13 +22,14 @@ class Mixture:
 
     parts: tuple[Material, ...]
 
-    def __call__(self, gradient: Array, state: State = None) -> tuple[Array, Array, State]:
+    def __call__(self, gradient: Array, state: State = None, near: State = None) -> tuple[Array, Array, State]:
         """Sums of P and A over the parts, and the tuple of their states."""
-        states = state if state is not None else (None,) * len(self.parts)
-        stress, tangent, first = self.parts[0](gradient, states[0])
+        none = (None,) * len(self.parts)
+        states, nears = (one if one is not None else none for one in (state, near))
+        stress, tangent, first = self.parts[0](gradient, states[0], nears[0])
         new = [first]
-        for part, own in zip(self.parts[1:], states[1:], strict=True):
-            more_stress, more_tangent, next_ = part(gradient, own)
+        for part, own, start in zip(self.parts[1:], states[1:], nears[1:], strict=True):
+            more_stress, more_tangent, next_ = part(gradient, own, start)
             stress = _sum(stress, more_stress)
             tangent = _sum(tangent, more_tangent)
             new.append(next_)

@@ -37,7 +37,7 @@ class NeoHookean(PerElement):
         C1, lame = np.broadcast_arrays(self.C1, self.lame_lambda)
         refuse(3.0 * lame + 4.0 * C1 > 0.0, lame, "lame_lambda", "above -4 C1/3, or the bulk modulus is not positive")
 
-    def __call__(self, gradient: Array, state: State = None) -> tuple[Array, Array, State]:
+    def __call__(self, gradient: Array, state: State = None, near: State = None) -> tuple[Array, Array, State]:
         """P = 2 C1 F + s F⁻ᵀ, A = 2 C1 δ_ik δ_JL + λ F⁻ᵀ_iJ F⁻ᵀ_kL − s F⁻ᵀ_iL F⁻ᵀ_kJ with s = λ ln J − 2 C1, in MPa."""
         F, C1, lame = self._components(gradient)
         J, inverse_transposed = determinant_and_inverse_transposed(F)

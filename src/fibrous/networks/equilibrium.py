@@ -43,12 +43,14 @@ class State:
 
     converged : whether the residual is within tolerance and the Hessian positive definite
     iterations : Newton iterations spent; cuts : times the way to this state was halved
+    indefinite : how many of the points met had a Hessian that is not positive definite
     """
 
     point: Point
     converged: bool
     iterations: int
     cuts: int = 0
+    indefinite: int = 0
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,7 @@ class EquilibriumSolver:
             for gradient in gradients:
                 gradient = np.ascontiguousarray(gradient, dtype=float)
                 if not here.state.converged:
-                    here = replace(here, state=replace(here.state, iterations=0, cuts=0))
+                    here = replace(here, state=replace(here.state, iterations=0, cuts=0, indefinite=0))
                 elif states or not np.array_equal(gradient, here.state.point.gradient):
                     here = self._reach(here, gradient, 0)
                 states.append(here.state)
@@ -143,9 +145,11 @@ class EquilibriumSolver:
         here = self._refactored(here.state)
         middle = self._reach(here, 0.5 * (here.state.point.gradient + gradient), depth + 1)
         end = self._reach(replace(middle, before=None), gradient, depth + 1) if middle.state.converged else there
-        spent = there.state.iterations + middle.state.iterations + (end.state.iterations if end is not there else 0)
+        tried = [there.state, middle.state, *([end.state] if end is not there else [])]
+        spent, indefinite = sum(one.iterations for one in tried), sum(one.indefinite for one in tried)
         cuts = 1 + middle.state.cuts + end.state.cuts
-        return replace(end, state=replace(end.state, iterations=spent, cuts=cuts), before=None)
+        state = replace(end.state, iterations=spent, cuts=cuts, indefinite=indefinite)
+        return replace(end, state=state, before=None)
 
     def _refactored(self, state: State) -> _Reached:
         factor = self.assembly.factor(state.point) if state.converged else None
@@ -174,7 +178,7 @@ class EquilibriumSolver:
 
     def _newton(self, start: Point) -> _Reached:
         assembly, point = self.assembly, start
-        factor, norm_before = None, np.inf
+        factor, norm_before, indefinite = None, np.inf, 0
         for iteration in range(self.largest_number_of_iterations + 1):
             norm = _norm(point)
             if not np.isfinite(norm * point.force_scale):
@@ -183,8 +187,9 @@ class EquilibriumSolver:
             # Where a step shrank the residual so much that another with the same factor will do, no new one is made.
             if factor is None or norm <= tolerance or norm * norm > tolerance * norm_before:
                 factor = assembly.factor(point)
+                indefinite += factor is None
             if norm <= tolerance and factor is not None:
-                return _Reached(State(point, True, iteration), factor)
+                return _Reached(State(point, True, iteration, indefinite=indefinite), factor)
             if iteration == self.largest_number_of_iterations:
                 break
             if norm <= tolerance:
@@ -198,7 +203,7 @@ class EquilibriumSolver:
             if lower is None:
                 break
             point, norm_before = lower, norm
-        return _Reached(State(point, False, iteration), np.empty((0, 0)))
+        return _Reached(State(point, False, iteration, indefinite=indefinite), np.empty((0, 0)))
 
     def _blended_factor(self, point: Point) -> Array | None:
         """Factor of the Hessian with the least share of negative tension left out that makes it positive definite."""

@@ -1,0 +1,207 @@
+"""Sparse Cholesky of the Hessians of eight networks of one topology at a time.
+
+Nodes are eliminated in an order of minimum degree. Where the factor has 3 × 3 blocks depends on the topology alone and
+is found once; the numbers of all eight networks stand in the lanes of one array, so that every index serves eight.
+
+Blocks of a column stand one after the other: the node's own, then those of the nodes below in rising order. Entry
+(i, j) of a block is number 3 i + j; of a factor's own blocks the diagonal holds reciprocals, and entries above it
+nothing. All compiled functions take the index arrays `starts`, `rows` (see `Elimination`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csc_array, eye_array
+from scipy.sparse.linalg import splu
+
+from fibrous.networks.lanes import least, load, magnitude, spread, square_root, store
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Elimination:
+    """Where the factor of a network's Hessian has blocks.
+
+    order : number, among the interior nodes, of the node at each place of the order, shape (n,)
+    starts : first block of each place's column, and their total, shape (n + 1,)
+    rows : place of each block's row, shape (blocks,)
+    """
+
+    order: NDArray[np.int64]
+    starts: Index
+    rows: Index
+
+    @classmethod
+    def of(cls, size: int, pairs: NDArray[np.int64]) -> Self:
+        """The elimination of `size` nodes; `pairs`, shape (m, 2), are different nodes joined by fibres."""
+        order = minimum_degree(size, pairs)
+        place = np.argsort(order)
+        low, high = np.sort(place[pairs], axis=1).T if len(pairs) else np.empty((2, 0), dtype=np.int64)
+        keys = np.unique(low * max(size, 1) + high)
+        low, high = np.divmod(keys, max(size, 1))
+        first = np.searchsorted(low, np.arange(size + 1))
+        starts, rows = _filled(first, high)
+        return cls(order, starts, rows)
+
+    def block(self, row: NDArray[np.int64], column: NDArray[np.int64]) -> Index:
+        """Numbers of the blocks at (row, column) with row ≥ column, all of which exist."""
+        columns = np.repeat(np.arange(len(self.order)), np.diff(self.starts))
+        size = max(len(self.order), 1)
+        return np.searchsorted(columns * size + self.rows, column * size + row).astype(np.int32)
+
+
+def minimum_degree(size: int, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Order of nodes, shape (size,), in which each has nearly the fewest neighbours when its turn comes (SuperLU's)."""
+    if size < 2:
+        return np.arange(size)
+    graph = coo_array((np.full(len(pairs), -1.0), pairs.T), shape=(size, size))
+    matrix = csc_array(graph + graph.T + 2.0 * len(pairs) * eye_array(size) + eye_array(size))
+    factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    return np.argsort(factor.perm_c)
+
+
+@njit(cache=True)
+def _filled(first: NDArray[np.int64], neighbors: NDArray[np.int64]) -> tuple[Index, Index]:
+    """`starts` and `rows` of the factor: below its diagonal a column has its own rows and those of its children."""
+    size = len(first) - 1
+    below = np.zeros((size, size), dtype=np.bool_)
+    starts = np.zeros(size + 1, dtype=np.int32)
+    for j in range(size):
+        below[j, j] = True
+        for m in range(first[j], first[j + 1]):
+            below[j, neighbors[m]] = True
+        parent = -1
+        count = 0
+        for i in range(j, size):
+            if below[j, i]:
+                count += 1
+                if i > j and parent < 0:
+                    parent = i
+                if parent >= 0:
+                    below[parent, i] = True
+        starts[j + 1] = starts[j] + count
+    rows = np.empty(starts[size], dtype=np.int32)
+    at = 0
+    for j in range(size):
+        for i in range(j, size):
+            if below[j, i]:
+                rows[at] = i
+                at += 1
+    return starts, rows
+
+
+@njit(cache=True, nogil=True)
+def factorize(starts: Index, rows: Index, blocks: Array, least_pivot: float, slack: Array) -> None:
+    """Cholesky factors in place of matrices, (blocks, 9, lanes); `slack`, (1, lanes), is above 0 where they exist.
+
+    They exist where every pivot is more than its share `least_pivot` of the diagonal element that it came from.
+    """
+    size = len(starts) - 1
+    place = np.empty(size, dtype=np.int32)
+    # Columns that still have something to give, chained by the next row they give to.
+    chain, following, given = np.full(size, -1), np.full(size, -1), np.empty(size, dtype=np.int32)
+    room = spread(np.inf)
+    for j in range(size):
+        own = starts[j]
+        a00, a11, a22 = load(blocks, (own, 0)), load(blocks, (own, 4)), load(blocks, (own, 8))
+        a00, a11, a22 = least_pivot * magnitude(a00), least_pivot * magnitude(a11), least_pivot * magnitude(a22)
+        for b in range(own, starts[j + 1]):
+            place[rows[b]] = b
+        k = chain[j]
+        while k >= 0:
+            after = following[k]
+            first = given[k]
+            w0, w1, w2 = load(blocks, (first, 0)), load(blocks, (first, 1)), load(blocks, (first, 2))
+            w3, w4, w5 = load(blocks, (first, 3)), load(blocks, (first, 4)), load(blocks, (first, 5))
+            w6, w7, w8 = load(blocks, (first, 6)), load(blocks, (first, 7)), load(blocks, (first, 8))
+            end = starts[k + 1]
+            for b in range(first, end):
+                c = place[rows[b]]
+                for i in range(0, 9, 3):
+                    x0, x1, x2 = load(blocks, (b, i)), load(blocks, (b, i + 1)), load(blocks, (b, i + 2))
+                    store(blocks, (c, i), load(blocks, (c, i)) - x0 * w0 - x1 * w1 - x2 * w2)
+                    store(blocks, (c, i + 1), load(blocks, (c, i + 1)) - x0 * w3 - x1 * w4 - x2 * w5)
+                    store(blocks, (c, i + 2), load(blocks, (c, i + 2)) - x0 * w6 - x1 * w7 - x2 * w8)
+            if first + 1 < end:
+                given[k] = first + 1
+                row = rows[first + 1]
+                following[k] = chain[row]
+                chain[row] = k
+            k = after
+        p0 = load(blocks, (own, 0))
+        room = least(p0 - a00, room)
+        d0 = 1.0 / square_root(p0)
+        l10, l20 = load(blocks, (own, 3)) * d0, load(blocks, (own, 6)) * d0
+        p1 = load(blocks, (own, 4)) - l10 * l10
+        room = least(p1 - a11, room)
+        d1 = 1.0 / square_root(p1)
+        l21 = (load(blocks, (own, 7)) - l20 * l10) * d1
+        p2 = load(blocks, (own, 8)) - l20 * l20 - l21 * l21
+        room = least(p2 - a22, room)
+        d2 = 1.0 / square_root(p2)
+        store(blocks, (own, 0), d0)
+        store(blocks, (own, 3), l10)
+        store(blocks, (own, 4), d1)
+        store(blocks, (own, 6), l20)
+        store(blocks, (own, 7), l21)
+        store(blocks, (own, 8), d2)
+        for b in range(own + 1, starts[j + 1]):
+            for i in range(0, 9, 3):
+                x0 = load(blocks, (b, i)) * d0
+                x1 = (load(blocks, (b, i + 1)) - x0 * l10) * d1
+                x2 = (load(blocks, (b, i + 2)) - x0 * l20 - x1 * l21) * d2
+                store(blocks, (b, i), x0)
+                store(blocks, (b, i + 1), x1)
+                store(blocks, (b, i + 2), x2)
+        if own + 1 < starts[j + 1]:
+            given[j] = own + 1
+            row = rows[own + 1]
+            following[j] = chain[row]
+            chain[row] = j
+    store(slack, (0,), room)
+
+
+@njit(cache=True, nogil=True)
+def solve(starts: Index, rows: Index, factor: Array, right: Array) -> None:
+    """Solve in place for m right sides, (n, 3, m, lanes), with the factor of `factorize`."""
+    size, many = len(starts) - 1, right.shape[2]
+    for j in range(size):
+        own = starts[j]
+        d0, l10, d1 = load(factor, (own, 0)), load(factor, (own, 3)), load(factor, (own, 4))
+        l20, l21, d2 = load(factor, (own, 6)), load(factor, (own, 7)), load(factor, (own, 8))
+        for p in range(many):
+            y0 = load(right, (j, 0, p)) * d0
+            y1 = (load(right, (j, 1, p)) - y0 * l10) * d1
+            store(right, (j, 0, p), y0)
+            store(right, (j, 1, p), y1)
+            store(right, (j, 2, p), (load(right, (j, 2, p)) - y0 * l20 - y1 * l21) * d2)
+        for b in range(own + 1, starts[j + 1]):
+            for i in range(3):
+                x0, x1, x2 = load(factor, (b, 3 * i)), load(factor, (b, 3 * i + 1)), load(factor, (b, 3 * i + 2))
+                for p in range(many):
+                    y = load(right, (j, 0, p)) * x0 + load(right, (j, 1, p)) * x1 + load(right, (j, 2, p)) * x2
+                    store(right, (rows[b], i, p), load(right, (rows[b], i, p)) - y)
+    for j in range(size - 1, -1, -1):
+        own = starts[j]
+        for b in range(own + 1, starts[j + 1]):
+            row = rows[b]
+            for i in range(3):
+                x0, x1, x2 = load(factor, (b, i)), load(factor, (b, 3 + i)), load(factor, (b, 6 + i))
+                for p in range(many):
+                    y = load(right, (row, 0, p)) * x0 + load(right, (row, 1, p)) * x1 + load(right, (row, 2, p)) * x2
+                    store(right, (j, i, p), load(right, (j, i, p)) - y)
+        d0, l10, d1 = load(factor, (own, 0)), load(factor, (own, 3)), load(factor, (own, 4))
+        l20, l21, d2 = load(factor, (own, 6)), load(factor, (own, 7)), load(factor, (own, 8))
+        for p in range(many):
+            y2 = load(right, (j, 2, p)) * d2
+            y1 = (load(right, (j, 1, p)) - y2 * l21) * d1
+            store(right, (j, 2, p), y2)
+            store(right, (j, 1, p), y1)
+            store(right, (j, 0, p), (load(right, (j, 0, p)) - y2 * l20 - y1 * l10) * d0)
