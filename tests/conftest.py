@@ -1,7 +1,10 @@
-"""Networks that several tests share: small ones, made as the study makes them."""
+"""What several tests share: small networks, made as the study makes them, and one run of the quick study."""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
+from workflow_runs import snakemake
 
 from fibrous.networks.equilibrium import EquilibriumSolver
 from fibrous.networks.fiber_law import FiberLaw
@@ -36,3 +39,12 @@ def tight_solver(network) -> EquilibriumSolver:
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(11)
+
+
+@pytest.fixture(scope="session")
+def quick(tmp_path_factory) -> tuple[Path, str]:
+    """The quick study run from an empty folder, with what it said."""
+    folder = tmp_path_factory.mktemp("quick")
+    done = snakemake(folder, "-j2")
+    assert done.returncode == 0, done.stderr
+    return folder, done.stdout + done.stderr
