@@ -7,7 +7,8 @@ exactly. The criterion compares forces with forces, so that units change no iter
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Self
 
@@ -122,18 +123,24 @@ class LoadStepper:
         `start` is the displacement to begin from, shape (nodes, 3), mm, by default none, and `state` the material's
         there. Raises LoadStepError where a target is not reached, with the part before it.
         """
-        # One BLAS thread, whose sums do not depend on the machine's load. A trial may turn elements inside out or grow
-        # beyond the range of numbers; it is refused for forces that are not finite.
-        with threadpool_limits(limits=1, user_api="blas"), np.errstate(all="ignore"):
-            return _Path(self, targets).follow(start, state)
+        walk = Walk(self, targets, start, state)
+        while not walk.is_over:
+            walk.advance()
+        return walk.solution
 
     def attempt(
-        self, here: Point, target: Array, before: Move | None, used: Counter[str], residuals: list[float]
+        self,
+        here: Point,
+        target: Array,
+        before: Move | None,
+        used: Counter[str],
+        residuals: list[float],
+        watch: Callable[[], None],
     ) -> tuple[Point, Move]:
         """The equilibrium at prescribed values, shape (prescribed,), and the move of the tangent at `here` towards it.
 
-        `before` is the move that led to `here`. Appends to `residuals`, and counts linear solvers in `used`.
-        Raises ConvergenceError where none is found.
+        `before` is the move that led to `here`. Appends to `residuals`, calling `watch` each time, and counts linear
+        solvers in `used`. Raises ConvergenceError where none is found.
         """
         assembly, free, prescribed = self.assembly, self.assembly.free, self.assembly.prescribed
         displacement = here.displacement.copy()
@@ -151,6 +158,7 @@ class LoadStepper:
             size = float(np.linalg.norm(right))
             # Without a free component nothing is out of balance, however small the forces.
             residuals.append(0.0 if size == 0.0 and np.isfinite(point.force_scale) else size / point.force_scale)
+            watch()
             if residuals[-1] <= self.tolerance:
                 return point, move
             if not np.isfinite(residuals[-1]):
@@ -194,69 +202,128 @@ class Move:
         return 0.5 * ratio * (self.response - ratio * before.response)
 
 
-class _Path:
-    """One walk along targets, with what has been recorded of it."""
+class Walk:
+    """A walk along targets, one load step at a time. A copy of `record` lets another walk go on from there.
 
-    def __init__(self, stepper: LoadStepper, targets: Array) -> None:
+    Parameters
+    ----------
+    stepper, targets, start, state : as of `LoadStepper.follow`
+    watch : called with the walk after every Newton iteration; `residuals` are those of the increment at hand
+    """
+
+    def __init__(
+        self,
+        stepper: LoadStepper,
+        targets: Array,
+        start: Array | None = None,
+        state: State = None,
+        watch: Callable[[Walk], None] | None = None,
+    ) -> None:
         self.stepper, self.targets = stepper, np.asarray(targets, dtype=float)
-        steps, nodes = len(self.targets), len(stepper.assembly.mesh.node_position)
-        self.displacement, self.force = np.full((2, steps, nodes, 3), np.nan)
-        self.gradient, self.stress = np.full((2, steps, len(stepper.assembly.mesh.element_nodes), 8, 3, 3), np.nan)
-        self.iterations, self.cuts = np.zeros((2, steps), dtype=np.int64)
-        self.used: Counter[str] = Counter()
-        self.attempts: list[Attempt] = []
-        self.before: Move | None = None
+        self._watch = (lambda: watch(self)) if watch is not None else (lambda: None)
+        self.residuals: list[float] = []
+        assembly = stepper.assembly
+        steps, nodes = len(self.targets), len(assembly.mesh.node_position)
+        displacement, force = np.full((2, steps, nodes, 3), np.nan)
+        gradient, stress = np.full((2, steps, len(assembly.mesh.element_nodes), 8, 3, 3), np.nan)
+        iterations, cuts = np.zeros((2, steps), dtype=np.int64)
+        nothing = np.zeros((nodes, 3))
+        with _numerics():
+            here = assembly.evaluate(nothing if start is None else np.asarray(start, dtype=float), state)
+        self.record = Record(here, None, 1.0, 0, displacement, force, gradient, stress, iterations, cuts, Counter(), [])
 
-    def follow(self, start: Array | None, state: State) -> Solution:
-        assembly = self.stepper.assembly
-        nothing = np.zeros((len(assembly.mesh.node_position), 3))
-        here = assembly.evaluate(nothing if start is None else np.asarray(start, dtype=float), state)
-        increment = 1.0
-        for step in range(len(self.targets)):
-            here, increment = self._step(here, step, increment)
-            self.displacement[step], self.force[step] = here.displacement, here.internal_force
-            self.gradient[step], self.stress[step] = assembly.deformation_gradient(here.displacement), here.stress
-        return self._solution(len(self.targets), here.state)
+    @property
+    def is_over(self) -> bool:
+        """Whether all targets were reached."""
+        return self.record.step == len(self.targets)
 
-    def _step(self, here: Point, step: int, increment: float) -> tuple[Point, float]:
-        """The equilibrium at a target, and the increment, as a part of a step, to go on with."""
-        before = here.displacement.reshape(-1)[self.stepper.assembly.prescribed]
+    @property
+    def solution(self) -> Solution:
+        """The equilibria so far."""
+        record = self.record
+        return Solution(
+            record.displacement,
+            record.force,
+            record.gradient,
+            record.stress,
+            record.iterations,
+            record.cuts,
+            np.arange(len(self.targets)) < record.step,
+            dict(record.used),
+            record.here.state,
+            tuple(record.attempts),
+        )
+
+    def advance(self) -> None:
+        """Go on to the next target; raises LoadStepError, with the part before it, where it is not reached."""
+        record, assembly = self.record, self.stepper.assembly
+        with _numerics():
+            self._reach(record.step)
+            here = record.here
+            record.displacement[record.step], record.force[record.step] = here.displacement, here.internal_force
+            record.gradient[record.step] = assembly.deformation_gradient(here.displacement)
+            record.stress[record.step] = here.stress
+            record.step += 1
+
+    def _reach(self, step: int) -> None:
+        record = self.record
+        before = record.here.displacement.reshape(-1)[self.stepper.assembly.prescribed]
         reached = 0.0
         while reached < 1.0:
-            end = min(1.0, reached + increment)
+            end = min(1.0, reached + record.increment)
             values = self.targets[step] if end == 1.0 else before + end * (self.targets[step] - before)
-            residuals: list[float] = []
+            self.residuals = []
             failure = ""
             try:
-                here, self.before = self.stepper.attempt(here, values, self.before, self.used, residuals)
+                record.here, record.before = self.stepper.attempt(
+                    record.here, values, record.before, record.used, self.residuals, self._watch
+                )
             except ConvergenceError as error:
                 failure = str(error)
-            self.attempts.append(Attempt(step, reached, end, tuple(residuals), failure))
-            self.iterations[step] += len(residuals)
+            record.attempts.append(Attempt(step, reached, end, tuple(self.residuals), failure))
+            record.iterations[step] += len(self.residuals)
             if not failure:
                 reached = end
-                increment = min(1.0, 2.0 * increment) if len(residuals) <= QUICK else increment
+                if len(self.residuals) <= QUICK:
+                    record.increment = min(1.0, 2.0 * record.increment)
                 continue
-            self.cuts[step] += 1
-            increment = 0.5 * (end - reached)
-            if increment < self.stepper.smallest_increment:
+            record.cuts[step] += 1
+            record.increment = 0.5 * (end - reached)
+            if record.increment < self.stepper.smallest_increment:
                 raise LoadStepError(
                     f"step {step}: no equilibrium found beyond {100.0 * reached:.3g} % of its way, with increments "
                     f"down to {100.0 * (end - reached):.2g} %: {failure}; prescribe less, or in more steps",
-                    self._solution(step, here.state),
+                    self.solution,
                 )
-        return here, increment
 
-    def _solution(self, converged: int, state: State) -> Solution:
-        return Solution(
-            self.displacement,
-            self.force,
-            self.gradient,
-            self.stress,
-            self.iterations,
-            self.cuts,
-            np.arange(len(self.targets)) < converged,
-            dict(self.used),
-            state,
-            tuple(self.attempts),
-        )
+
+@dataclass
+class Record:
+    """All that a walk has found, and all that it needs to go on; arrays over all steps, as of `Solution`.
+
+    here : the last equilibrium; before : the move that led there
+    increment : part of a step to try next; step : the next target
+    """
+
+    here: Point
+    before: Move | None
+    increment: float
+    step: int
+    displacement: Array
+    force: Array
+    gradient: Array
+    stress: Array
+    iterations: NDArray[np.int64]
+    cuts: NDArray[np.int64]
+    used: Counter[str]
+    attempts: list[Attempt]
+
+
+@contextmanager
+def _numerics() -> Iterator[None]:
+    """One BLAS thread, whose sums do not depend on the machine's load; trials may leave the range of numbers.
+
+    A trial that turns elements inside out is refused for forces that are not finite.
+    """
+    with threadpool_limits(limits=1, user_api="blas"), np.errstate(all="ignore"):
+        yield
