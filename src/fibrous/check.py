@@ -21,6 +21,11 @@ from fibrous.study.stages import Config, expected_files, stage_params
 
 # Files with no place for provenance have it beside them.
 WITH_COMPANION = (".csv", ".vtu", ".feb")
+LEFT = {
+    ".failed.nc": "the converged part of a run that failed",
+    ".checkpoint": "of a run that was stopped, which the next one goes on from",
+}
+FOREIGN = "foreign, no stage of this study writes it"
 DESCRIPTION = "{http://purl.org/dc/elements/1.1/}description"
 
 
@@ -39,8 +44,7 @@ def check(config: Config, folder: Path) -> tuple[list[str], int]:
     for found in sorted((folder / "results").rglob("*")):
         path = found.relative_to(folder)
         if found.is_file() and path not in expected and path not in sidecars:
-            failed = path.name.endswith(".failed.nc")
-            what = "the converged part of a run that failed" if failed else "foreign, no stage of this study writes it"
+            what = next((said for ending, said in LEFT.items() if path.name.endswith(ending)), FOREIGN)
             lines.append(f"{path}: {what}")
     return lines, len(expected)
 

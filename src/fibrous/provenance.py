@@ -64,10 +64,11 @@ def attributes(params: Mapping[str, Any]) -> dict[str, Any]:
     """What a result carries: stage, config and its hash, code hash, seed, versions, CPU seconds, peak memory in MB.
 
     `params` holds `stage` (a module of fibrous.study or fibrous.figures), its part of the config as `config`,
-    `code_hash`, and in a run of the workflow the whole config as `study_config`, which is recorded but not hashed.
+    `code_hash`, in a run of the workflow the whole config as `study_config`, which is recorded but not hashed, and as
+    `cpu_seconds_before` what a process spent that this one goes on from.
     """
     config = params["config"]
-    own, children = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
+    own, children = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     kibibytes = 1 if sys.platform != "darwin" else 1024
     return {
         "stage": params["stage"],
@@ -77,9 +78,15 @@ def attributes(params: Mapping[str, Any]) -> dict[str, Any]:
         "code_hash": params["code_hash"],
         "seed": config.get("seed", -1),
         "versions": json.dumps({"python": platform.python_version(), **{name: _version(name) for name in RECORDED}}),
-        "cpu_seconds": own.ru_utime + own.ru_stime + children.ru_utime + children.ru_stime,
+        "cpu_seconds": cpu_seconds() + params.get("cpu_seconds_before", 0.0),
         "peak_memory_MB": max(own.ru_maxrss, children.ru_maxrss) / kibibytes / 1024,
     }
+
+
+def cpu_seconds() -> float:
+    """CPU seconds that this process and its children have spent."""
+    usages = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(usage.ru_utime + usage.ru_stime for usage in usages)
 
 
 @cache

@@ -24,6 +24,7 @@ rule tissue:
         stages.files("specimen", "specimen", config),
         stages.files("tissue", "tissue", config),
         stages.files("lagged", "tissue", config),
+        stages.files("multiscale", "tissue", config),
         stages.files("febio", "feb", config),
         stages.files("tissue_table", "table", config),
         stages.files("convergence", "convergence", config),
@@ -90,6 +91,28 @@ rule deform_tissue:
         'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input specimen {input.specimen:q}'
         " --input fits {input.fits:q} --input surface {input.surface:q} --input networks {input.networks:q}"
         " --output tissue {output.tissue:q} --output vtu {output.vtu:q} > {log:q} 2>&1"
+
+
+rule deform_tissue_with_networks:
+    input:
+        unpack(inputs("multiscale")),
+    output:
+        **outputs("multiscale"),
+    wildcard_constraints:
+        run="|".join(instance["run"] for instance in stages.STAGES["multiscale"].instances(config)) or "none",
+    log:
+        "logs/tissue/{run}.log",
+    threads: workflow.cores or 1
+    resources:
+        mem_mb=6000,
+    params:
+        params("multiscale"),
+    message:
+        "Deforming the specimen with a network at every Gauss point: run {wildcards.run}"
+    shell:
+        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --threads {threads} --terminal 3'
+        " --input specimen {input.specimen:q} --input networks {input.networks:q}"
+        " --output tissue {output.tissue:q} --output vtu {output.vtu:q} 3>&2 > {log:q} 2>&1"
 
 
 rule write_febio_model:

@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Self
+from dataclasses import dataclass, field
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from fibrous.clock import Clock
 from fibrous.errors import ConvergenceError
 from fibrous.fe.assembly import Assembly, Point
 from fibrous.fe.boundary import PrescribedDisplacement
@@ -96,6 +97,7 @@ class LoadStepper:
     tolerance : ‖residual‖ over the norm of the nodal sums of the magnitudes of the elements' forces
     largest_number_of_iterations : for one increment
     smallest_increment : part of a step below which an increment is not cut; the target is then given up
+    clock : counts CPU seconds of `macroscopic solve`
     """
 
     assembly: Assembly
@@ -103,6 +105,7 @@ class LoadStepper:
     tolerance: float = 1e-8
     largest_number_of_iterations: int = 12
     smallest_increment: float = 1.0 / 256.0
+    clock: Clock = field(default_factory=Clock)
 
     @classmethod
     def of(
@@ -111,11 +114,11 @@ class LoadStepper:
         material: Material,
         prescribed: PrescribedDisplacement,
         solver: Name = "auto",
-        **limits: float | int,
+        **limits: Any,
     ) -> Self:
         """The stepper for the components that are prescribed, whatever their values."""
         assembly = Assembly(mesh, material, prescribed.unknowns(mesh))
-        return cls(assembly, linear_solver(solver), **limits)  # type: ignore[arg-type]
+        return cls(assembly, linear_solver(solver), **limits)
 
     def follow(self, targets: Array, start: Array | None = None, state: State = None) -> Solution:
         """Equilibria at prescribed values, shape (steps, prescribed), mm, in the order of the assembly.
@@ -173,7 +176,10 @@ class LoadStepper:
             return np.zeros_like(right)
         # Newton's method squares a small residual; a linear solution better than that would be wasted.
         relative = size / point.force_scale
-        linear = self.solve(point.stiffness, right, max(min(LOOSE, 0.1 * relative), 0.01 * self.tolerance / relative))
+        with self.clock.of("macroscopic solve"):
+            linear = self.solve(
+                point.stiffness, right, max(min(LOOSE, 0.1 * relative), 0.01 * self.tolerance / relative)
+            )
         used[linear.solver] += 1
         return linear.values
 
@@ -208,6 +214,7 @@ class Walk:
     Parameters
     ----------
     stepper, targets, start, state : as of `LoadStepper.follow`
+    record : of another walk of the same stepper and targets, to go on from instead
     watch : called with the walk after every Newton iteration; `residuals` are those of the increment at hand
     """
 
@@ -217,20 +224,25 @@ class Walk:
         targets: Array,
         start: Array | None = None,
         state: State = None,
+        record: Record | None = None,
         watch: Callable[[Walk], None] | None = None,
     ) -> None:
         self.stepper, self.targets = stepper, np.asarray(targets, dtype=float)
         self._watch = (lambda: watch(self)) if watch is not None else (lambda: None)
         self.residuals: list[float] = []
-        assembly = stepper.assembly
-        steps, nodes = len(self.targets), len(assembly.mesh.node_position)
+        self.record = self._begun(start, state) if record is None else record
+
+    def _begun(self, start: Array | None, state: State) -> Record:
+        assembly = self.stepper.assembly
+        steps, nodes, elements = (
+            len(of) for of in (self.targets, assembly.mesh.node_position, assembly.mesh.element_nodes)
+        )
         displacement, force = np.full((2, steps, nodes, 3), np.nan)
-        gradient, stress = np.full((2, steps, len(assembly.mesh.element_nodes), 8, 3, 3), np.nan)
+        gradient, stress = np.full((2, steps, elements, 8, 3, 3), np.nan)
         iterations, cuts = np.zeros((2, steps), dtype=np.int64)
-        nothing = np.zeros((nodes, 3))
         with _numerics():
-            here = assembly.evaluate(nothing if start is None else np.asarray(start, dtype=float), state)
-        self.record = Record(here, None, 1.0, 0, displacement, force, gradient, stress, iterations, cuts, Counter(), [])
+            here = assembly.evaluate(np.zeros((nodes, 3)) if start is None else np.asarray(start, dtype=float), state)
+        return Record(here, None, 1.0, 0, displacement, force, gradient, stress, iterations, cuts, Counter(), [])
 
     @property
     def is_over(self) -> bool:
@@ -291,7 +303,7 @@ class Walk:
             record.increment = 0.5 * (end - reached)
             if record.increment < self.stepper.smallest_increment:
                 raise LoadStepError(
-                    f"step {step}: no equilibrium found beyond {100.0 * reached:.3g} % of its way, with increments "
+                    f"load step {step + 1}: no equilibrium found beyond {100.0 * reached:.3g} % of its way, with increments "
                     f"down to {100.0 * (end - reached):.2g} %: {failure}; prescribe less, or in more steps",
                     self.solution,
                 )

@@ -298,8 +298,13 @@ def _model(config: Config, model: Config, path: str) -> Iterator[str]:
     extra = set(model) - needed - {"name", "law"}
     if model.get("constants") == "fit":
         extra -= {"refit"}
+    if model["law"] == "network":
+        extra -= {"load_steps"}
     for key in sorted(extra - {"refit"} if not model.get("refit") else extra):
         yield f"{path}.{key} says nothing about {model['name']}: leave it out"
+    steps, wanted = config["synthetic_specimen"]["load_steps"], model.get("load_steps", 1)
+    if config["specimen"] == "synthetic" and steps % wanted:
+        yield f"{path}.load_steps is {wanted}, must divide synthetic_specimen.load_steps = {steps}"
     surface = config["tissue"]["surface_protocol"]
     if model.get("constants") == "surface" and surface not in plan.compared_protocols(config):
         yield f"tissue.surface_protocol is {surface}, of which there is no surface, must be one of those in Table 1"

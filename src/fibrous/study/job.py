@@ -33,7 +33,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--params", required=True, type=json.loads, help="stage, config and code hash, as JSON")
     parser.add_argument("--input", nargs="+", action="append", default=[], metavar=("NAME", "FILE"))
     parser.add_argument("--output", nargs=2, action="append", default=[], metavar=("NAME", "FILE"))
+    parser.add_argument("--threads", type=int, default=1, help="for stages that use more than one")
+    parser.add_argument("--terminal", type=int, help="file descriptor on which long stages say how far they are")
     given = parser.parse_args(arguments)
+    # Beside the config: results do not depend on them.
+    given.params |= {"threads": given.threads, "terminal": given.terminal}
     if STUDY_CONFIG in os.environ:
         given.params["study_config"] = os.environ[STUDY_CONFIG]
     inputs = {name: [Path(path) for path in paths] for name, *paths in given.input}

@@ -115,6 +115,12 @@ def runs(config: Config) -> list[Run]:
     return found
 
 
+def reference_run(config: Config) -> str:
+    """The run against which all others are judged: the first with networks at every load step; empty without one."""
+    found = (run.name for run in runs(config) if run.model["law"] == "network" and "load_steps" not in run.model)
+    return next(found, "")
+
+
 def run_called(config: Config, name: str) -> Run:
     """The run of that name."""
     return next(run for run in runs(config) if run.name == name)

@@ -25,6 +25,7 @@ from fibrous.specimen import FIXED, MOVED, Specimen
 from fibrous.study.fit_tables import ALL, LOAD, SINGLE, TENSOR_COLUMNS, fiber_law_of, fits_of, structure_tensors
 from fibrous.vtu_files import vtu
 
+NETWORK_COUNTS = ("network_iterations", "network_cuts", "indefinite_hessians")
 LAWS_WITH_CONSTANTS = ("families", "structure_tensor")
 COLUMNS = ("network", "load_set", "deformation", "energy", "objective", "C2_MPa", "C3", *TENSOR_COLUMNS)
 
@@ -89,8 +90,12 @@ def tissue_dataset(
     C3: np.ndarray,
     tensor: np.ndarray,
     matrix: Mapping[str, float],
+    network_counts: Mapping[str, np.ndarray] | None = None,
 ) -> xr.Dataset:
-    """A dataset of the kind `tissue`; C2 and C3 have shape (steps, elements), H shape (elements, 3, 3)."""
+    """A dataset of the kind `tissue`; C2 and C3 have shape (steps, elements), H shape (elements, 3, 3).
+
+    `network_counts` are what networks spent at each step, by the names of the variables, shape (steps,).
+    """
     entheses = [FIXED, MOVED]
     reactions = [reaction_force(solution.internal_force, np.flatnonzero(specimen.enthesis == one)) for one in entheses]
     arrays = {
@@ -101,6 +106,7 @@ def tissue_dataset(
         "newton_iterations": solution.newton_iterations,
         "cuts": solution.cuts,
         "converged": solution.converged,
+        **(network_counts or dict.fromkeys(NETWORK_COUNTS, np.zeros(len(solution.converged), dtype=np.int64))),
         "structure_tensor": tensor,
         "C2": C2,
         "C3": C3,

@@ -26,6 +26,15 @@ def _runs(config: Config, lagged: bool) -> list[Run]:
     return [run for run in plan.runs(config) if plan.is_lagged(config, run) == lagged]
 
 
+def _with_networks(config: Config) -> list[Run]:
+    return [run for run in plan.runs(config) if run.model["law"] == "network"]
+
+
+def _continuous(config: Config) -> list[Run]:
+    """Runs whose fibres are a law of the continuum."""
+    return [run for run in _runs(config, lagged=False) if run.model["law"] != "network"]
+
+
 def _instances(runs: list[Run]) -> list[dict[str, str]]:
     return [{"run": run.name} for run in runs]
 
@@ -137,7 +146,7 @@ TISSUE_STAGES: dict[str, Stage] = {
         outputs={"tissue": TISSUE, "vtu": VTU},
         inputs=_tissue_inputs,
         config=_tissue_config,
-        instances=lambda config: _instances(_runs(config, lagged=False)),
+        instances=lambda config: _instances(_continuous(config)),
     ),
     "lagged": Stage(
         module="fibrous.study.lagged",
@@ -145,6 +154,19 @@ TISSUE_STAGES: dict[str, Stage] = {
         inputs=_lagged_inputs,
         config=_lagged_config,
         instances=lambda config: _instances(_runs(config, lagged=True)),
+    ),
+    "multiscale": Stage(
+        module="fibrous.study.multiscale",
+        outputs={"tissue": TISSUE, "vtu": VTU},
+        inputs=lambda config, _: {"specimen": [SPECIMEN], "networks": _networks(config)},
+        config=lambda config, wildcards: {
+            "run": wildcards["run"],
+            "model": plan.run_called(config, wildcards["run"]).model,
+            "matrix": config["matrix"],
+            "linear_solver": config["tissue"]["linear_solver"],
+            "equilibrium": {"residual_tolerance": config["equilibrium"]["residual_tolerance"]},
+        },
+        instances=lambda config: _instances(_with_networks(config)),
     ),
     "febio": Stage(
         module="fibrous.study.febio",

@@ -1,0 +1,144 @@
+"""Rule `multiscale`: the tissue with a discrete network in equilibrium at every Gauss point (sections 2.7 and 3.4)."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from fibrous import datasets
+from fibrous.clock import Clock
+from fibrous.errors import ConfigError, DatasetError, naming
+from fibrous.fe.solver import LoadStepError, LoadStepper, Record, Walk
+from fibrous.materials.mixture import Mixture
+from fibrous.materials.neo_hookean import NeoHookean
+from fibrous.materials.network import FiberNetworks, NetworkState
+from fibrous.networks.network import Network
+from fibrous.provenance import cpu_seconds
+from fibrous.specimen import Specimen
+from fibrous.study.checkpoint import Checkpoint
+from fibrous.study.loading import fiber_law, scale_of, unpacked
+from fibrous.study.progress import Progress
+from fibrous.study.solutions import failed_name, read_specimen, say, tissue_dataset, write_tissue
+
+COUNTS = {"network_iterations": "iterations", "network_cuts": "cuts", "indefinite_hessians": "indefinite"}
+
+
+@dataclass
+class _Kept:
+    """What a killed run goes on with: its walk, sums over all networks at each step, shape (steps, 3), CPU time."""
+
+    record: Record
+    counts: np.ndarray
+    seconds: dict[str, float]
+    cpu_seconds: float
+
+
+def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
+    """Read `specimen` and `networks`; write `tissue` and `vtu`. ``params["threads"]`` elements are worked on at a time.
+
+    After every load step a checkpoint is kept beside `tissue`; it is removed in the end. Raises LoadStepError as the
+    rule `tissue` does, DatasetError where an element has no network.
+    """
+    config = params["config"]
+    specimen, numbers = read_specimen(inputs["specimen"][0])
+    targets = _targets(specimen, config)
+    clock = Clock()
+    stepper, tensor = _stepper(inputs["networks"], specimen, numbers, config, params.get("threads", 1), clock)
+    checkpoint, progress = Checkpoint(outputs["tissue"], params), Progress(config["run"], params.get("terminal"))
+    kept = checkpoint.read()
+    walk = Walk(stepper, targets, record=kept.record if kept else None, watch=progress)
+    if kept is None:
+        kept = _Kept(walk.record, np.zeros((len(targets), len(COUNTS)), dtype=np.int64), {}, 0.0)
+    else:
+        progress.goes_on(walk)
+        clock.seconds.update(kept.seconds)
+    spent, failure = kept.cpu_seconds, None
+    progress.network_iterations = _sums(walk.record)[0]
+    try:
+        while not walk.is_over:
+            before, step = _sums(walk.record), walk.record.step
+            walk.advance()
+            kept.counts[step] = _sums(walk.record) - before
+            progress.network_iterations = _sums(walk.record)[0]
+            kept.seconds, kept.cpu_seconds = dict(clock.seconds), spent + cpu_seconds()
+            if not walk.is_over:
+                checkpoint.write(kept)
+    except LoadStepError as error:
+        failure = error
+    say(walk.solution.attempts)
+    params = {**params, "cpu_seconds_before": spent}
+    dataset = _dataset(specimen, walk, kept, tensor, config, clock)
+    if failure is not None:
+        where = failed_name(outputs["tissue"])
+        datasets.write(dataset, where, "tissue", params)
+        raise LoadStepError(f"model {config['run']}: {failure} (the converged part is in {where})", failure.solution)
+    write_tissue(specimen, dataset, outputs, params)
+    checkpoint.remove()
+
+
+def _stepper(
+    paths: list[Path],
+    specimen: Specimen,
+    numbers: np.ndarray,
+    config: Mapping[str, Any],
+    threads: int,
+    clock: Clock,
+) -> tuple[LoadStepper, np.ndarray]:
+    """The finite elements with networks, and H of the elements' networks, shape (elements, 3, 3)."""
+    found: dict[int, tuple[Network, np.ndarray]] = {}
+    for path in paths:
+        dataset = datasets.read(path, "networks")
+        with naming(str(path)):
+            networks = unpacked(dataset)
+        tensors = dataset["structure_tensor"].values
+        found.update(zip(dataset["network"].values.tolist(), zip(networks, tensors, strict=True), strict=True))
+    missing = [number for number in numbers.tolist() if number not in found]
+    if missing:
+        raise DatasetError(f"{paths[0].parent}: lacks network {missing[0]}; delete the folder and run again")
+    chosen = [found[number] for number in numbers.tolist()]
+    fibers = FiberNetworks.of(
+        [network for network, _ in chosen],
+        fiber_law(dataset),
+        scale_of(dataset),
+        threads,
+        config["equilibrium"]["residual_tolerance"],
+        clock,
+    )
+    matrix = NeoHookean(config["matrix"]["C1_MPa"], config["matrix"]["lame_lambda_MPa"])
+    stepper = LoadStepper.of(
+        specimen.mesh, Mixture((matrix, fibers)), specimen.prescribed, config["linear_solver"], clock=clock
+    )
+    return stepper, np.array([tensor for _, tensor in chosen])
+
+
+def _targets(specimen: Specimen, config: Mapping[str, Any]) -> np.ndarray:
+    """Prescribed values at the end of each load step of the run, shape (steps, prescribed), mm."""
+    values = specimen.prescribed.values
+    wanted = config["model"].get("load_steps", len(values))
+    if len(values) % wanted:
+        raise ConfigError(
+            f"tissue.models: {config['run']} has load_steps {wanted}, must divide the specimen's {len(values)}"
+        )
+    return values[len(values) // wanted - 1 :: len(values) // wanted]
+
+
+def _sums(record: Record) -> np.ndarray:
+    """Newton iterations, cuts and indefinite Hessians of all networks since rest, shape (3,)."""
+    state: NetworkState = record.here.state[1]
+    return np.array([getattr(state, name).sum() for name in COUNTS.values()])
+
+
+def _dataset(
+    specimen: Specimen, walk: Walk, kept: _Kept, tensor: np.ndarray, config: Mapping[str, Any], clock: Clock
+) -> xr.Dataset:
+    nothing = np.full((len(walk.targets), len(tensor)), np.nan)
+    counts = dict(zip(COUNTS, kept.counts.T, strict=True))
+    dataset = tissue_dataset(specimen, walk.solution, nothing, nothing, tensor, config["matrix"], counts)
+    dataset.attrs["cpu_seconds_of_parts"] = json.dumps(dict(sorted(clock.seconds.items())))
+    return dataset
