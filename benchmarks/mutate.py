@@ -146,6 +146,8 @@ MUTATIONS = [
         "variance = surface.residual_variance + row",
         "variance = surface.residual_variance - row",
         "test_surface.py",
+    ),
+    Mutation(
         "tangent of the matrix",
         "materials/neo_hookean.py",
         "tangent -= crossed.swapaxes(1, 3)",
