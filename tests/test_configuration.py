@@ -20,6 +20,7 @@ def default() -> dict:
         {"name": "a", "nodes": "nodes.csv", "fibers": "fibers.csv"},
         {"name": "b", "file": "b.nc"},
     ]
+    config["specimen_files"] = {"mesh": "a.vtu", "motion": "motion.csv", "fibers": "fibers.csv"}
     return config
 
 
@@ -118,7 +119,9 @@ def test_every_key_of_the_schema_is_described_and_bounded():
         assert schema["description"], said(path)
         numeric = {"number", "integer"} & set(schema["type"] if isinstance(schema["type"], list) else [schema["type"]])
         if numeric:
-            unit = {"um": "µm", "MPa": "MPa"}.get(str(path[-1]).rpartition("_")[2], "1")
+            unit = {"um": "µm", "MPa": "MPa", "mm": "mm", "degrees": "degrees"}.get(
+                str(path[-1]).rpartition("_")[2], "1"
+            )
             assert schema["unit"] == unit, said(path)
             assert {"minimum", "exclusiveMinimum"} & set(schema), said(path)
             assert {"maximum", "exclusiveMaximum"} & set(schema), said(path)
@@ -146,7 +149,8 @@ def test_every_key_of_the_default_config_is_in_the_schema_and_the_other_way_roun
     assert described == declared
 
 
-OPTIONAL = {"nodes", "fibers", "file", "magnitude"}
+OPTIONAL = {"nodes", "fibers", "file", "magnitude", "deformation_gradient", "mesh", "motion"}
+OPTIONAL |= {"constants", "energy", "objective", "refit"}
 REQUIRED = [path for path, _ in UNIQUE if isinstance(path[-1], str) and path[-1] not in OPTIONAL]
 
 
@@ -207,9 +211,84 @@ def named(*extra: dict, without: str = "") -> dict:
     return {"named": [entry for entry in loaded()["named"] if entry["name"] != without] + list(extra)}
 
 
+def edited(key: str, index: int, **change) -> dict:
+    """The list under `key` with one entry changed."""
+    entries = loaded()[key]
+    entries[index] |= change
+    return {key: entries}
+
+
+def eq9(**change) -> dict:
+    protocols = loaded()["protocols"]
+    protocols[3]["loads"][0] |= change
+    return {"protocols": protocols}
+
+
+FITTED = {
+    "name": "hgo", "law": "families", "constants": "fit", "energy": "families", "objective": "energy", "refit": True,
+}  # fmt: skip
+
+
+def models(*entries: dict) -> dict:
+    return {"tissue": {"models": list(entries)}}
+
+
 CONTRADICTIONS = [
     (named({"name": "far", "H11": 0.7, "H22": 0.4}), "named[6] has H11 + H22 = 1.1, must be less than 1"),
     (named({"name": "case", "H11": 0.4, "H22": 0.4}), "named[6].name is case, which named[0] is called already"),
+    (
+        edited("protocols", 0, loads=[{"load": "x_pull", "magnitude": 1.8}]),
+        "protocols[0].loads[0].load is x_pull, must be",
+    ),
+    (edited("protocols", 0, name="refit_a"), "protocols[0].name is refit_a, must not begin with refit_"),
+    (edited("protocols", 0, ensembles=["named"]), "protocols: the ensembles of large lack delaunay, which the figures"),
+    (
+        edited("protocols", 2, ensembles=["tissue"]),
+        "protocols: the ensembles of section_2_6 lack named, which Figure 8",
+    ),
+    (edited("protocols", 2, ensembles=["named"]), "tissue.protocol is section_2_6, whose ensembles lack tissue"),
+    (edited("protocols", 3, name="eq10"), "protocols lacks eq9, which Figure 8 draws"),
+    (eq9(load="eq10"), "protocols: eq9 lacks a load of that name"),
+    (eq9(magnitude=1.0), "protocols[3].loads[0] has a magnitude and a deformation_gradient, must have one of them"),
+    (
+        eq9(deformation_gradient=[[-1, 0, 0], [0, 1, 0], [0, 0, 1]]),
+        "protocols[3].loads[0].deformation_gradient has the",
+    ),
+    (
+        eq9(deformation_gradient=[[9, 0, 0], [0, 1, 0], [0, 0, 1]]),
+        "protocols[3].loads[0].deformation_gradient is given, a",
+    ),
+    (
+        eq9(deformation_gradient=[[1, 0, 0], [0, 1, 0], [0, 0, 1]]),
+        "protocols[3].loads[0].deformation_gradient is given, w",
+    ),
+    ({"specimen": "file"}, "specimen_files.mesh is missing, must name a file"),
+    (
+        {"specimen": "file", "specimen_files": {"mesh": "no.vtu"}},
+        "specimen_files.mesh is no.vtu, no such file seen from",
+    ),
+    ({"specimen_files": {"mesh": "no.vtu"}}, "specimen_files names files, but specimen is synthetic"),
+    ({"synthetic_specimen": {"H11": [0.6, 0.6]}}, "synthetic_specimen.H11 is [0.6, 0.6], must rise"),
+    ({"synthetic_specimen": {"radius_mm": 3.0}}, "synthetic_specimen.length_mm is 10, which bent to radius_mm = 3"),
+    ({"synthetic_specimen": {"thickness_mm": 30.0}}, "synthetic_specimen.thickness_mm is 30, must be less than twice"),
+    ({"synthetic_specimen": {"gap_mm": -10.0}}, "synthetic_specimen.gap_mm is -10, which pushes one bone through"),
+    (
+        {"synthetic_specimen": {"elements": [2, 2, 2]}},
+        "tissue.batches is 25, must be at most the specimen's 8 elements",
+    ),
+    ({"tissue": {"load_set": "none"}}, "tissue.load_set is none, must be one of section_3_1, section_2_3"),
+    ({"tissue": {"load_set": "section_2_3"}}, "tissue.protocol lacks yz_shear, which tissue.load_set = section_2_3"),
+    ({"tissue": {"protocol": "none"}}, "tissue.protocol is none, must be one of large, small, section_2_6, eq9"),
+    ({"tissue": {"surface_protocol": "eq9"}}, "tissue.surface_protocol is eq9, of which there is no surface"),
+    (models({"name": "a", "law": "families"}), "tissue.models[0].constants is missing, must be given for a"),
+    (models({"name": "a", "law": "families", "constants": "fit"}), "tissue.models[0].energy is missing, must be given"),
+    (
+        models({"name": "a", "law": "matrix", "refit": True}),
+        "tissue.models[0].refit says nothing about a: leave it out",
+    ),
+    (models({"name": "a", "law": "affine", "energy": "families"}), "tissue.models[0].energy says nothing about a"),
+    (models(*[{"name": "a", "law": "matrix"}] * 2), "tissue.models[1].name is a, which tissue.models[0] is called"),
+    (models(FITTED, {"name": "hgo_refit", "law": "matrix"}), "tissue.models: hgo_refit is the name of a model and of"),
     (named(without="fig6_2"), "named lacks fig6_2, which a figure draws"),
     ({"delaunay": {"H11": [0.5, 0.4]}}, "delaunay.H11 is [0.5, 0.4], must rise"),
     ({"delaunay": {"H11": [0.5, 0.92]}}, "delaunay.H11 reaches 0.92, which leaves no room"),

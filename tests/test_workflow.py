@@ -22,8 +22,8 @@ from snakemake.settings.types import ConfigSettings, DAGSettings, OutputSettings
 from fibrous import provenance
 from fibrous.check import check
 from fibrous.documentation import TABLES
-from fibrous.study.configuration import DEFAULT, PROJECT, loaded
-from fibrous.study.stages import STAGES, expected_files
+from fibrous.study.configuration import DEFAULT, PROJECT, loaded, validated
+from fibrous.study.stages import STAGES, expected_files, stage_params
 
 QUICK = PROJECT / "config" / "quick.yaml"
 # The smallest ensemble for which Eq. 11 can be cross-validated, cut into more batches than the quick one.
@@ -84,7 +84,7 @@ def test_the_quick_study_makes_every_file_and_check_agrees(quick):
     folder, _ = quick
     expected = {path for path, _, _ in expected_files(quick_config())}
     found = {str(path.relative_to(folder)) for path in (folder / "results").rglob("*") if path.is_file()}
-    assert {path for path in found if not path.endswith(".csv.json")} == expected
+    assert {path for path in found if not path.endswith(".json")} == expected
     assert check(quick_config(), folder) == ([], len(expected))
 
 
@@ -122,43 +122,34 @@ def test_a_second_run_does_nothing(quick):
     assert before == {path: path.stat().st_mtime_ns for path in (folder / "results").rglob("*")}
 
 
-FROM_NETWORKS = [name for name in STAGES if name != "figure_7"]
-FROM_CURVES = [name for name in FROM_NETWORKS if name != "networks"]
-FROM_FITS = ["fits", "surface", "figure_5", "figure_6"]
+def downstream(config: dict, first: set[str]) -> set[str]:
+    """The files, and all that are made from them."""
+    found, jobs = set(first), {}
+    for path, stage, wildcards in expected_files(config):
+        jobs.setdefault((stage, *sorted(wildcards.items())), (stage, wildcards, []))[2].append(path)
+    while True:
+        before = len(found)
+        for stage, wildcards, outputs in jobs.values():
+            read = {path for paths in STAGES[stage].inputs(config, wildcards).values() for path in paths}
+            if read & found:
+                found |= set(outputs)
+        if len(found) == before:
+            return found
 
 
-def all_networks() -> set[str]:
-    return files_of(quick_config(), *FROM_NETWORKS)
+def first_hit(*stages: str, **wanted: str):
+    """The files of these stages with these wildcards, and all that are made from them."""
+    return lambda: downstream(quick_config(), files_of(quick_config(), *stages, **wanted))
 
 
-def all_curves() -> set[str]:
-    return files_of(quick_config(), *FROM_CURVES)
-
-
-def all_fits() -> set[str]:
-    return files_of(quick_config(), *FROM_FITS)
-
-
-def the_ensemble() -> set[str]:
-    return files_of(quick_config(), "networks", "curves", "fits", ensemble="delaunay") | files_of(
-        quick_config(), "surface", "figure_6", "convergence"
+def of_runs(*names: str):
+    return lambda: downstream(
+        quick_config(), {path for name in names for path in files_of(quick_config(), "tissue", run=name)}
     )
 
 
-def the_named() -> set[str]:
-    return files_of(quick_config(), "networks", "curves", "states", "fits", ensemble="named") | files_of(
-        quick_config(), "convergence", "figure_3", "figure_5", "figure_6"
-    )
-
-
-def protocol_small() -> set[str]:
-    return files_of(quick_config(), "curves", "states", "fits", protocol="small") | files_of(
-        quick_config(), "convergence", "surface", "figure_3", "figure_5", "figure_6"
-    )
-
-
-def the_surface() -> set[str]:
-    return files_of(quick_config(), "surface", "figure_6")
+def together(*parts):
+    return lambda: set().union(*(part() for part in parts))
 
 
 def _with(key: str, index: int, **change) -> list[dict]:
@@ -167,29 +158,63 @@ def _with(key: str, index: int, **change) -> list[dict]:
     return entries
 
 
+the_networks = together(first_hit("networks"), first_hit("specimen"))
+the_curves = together(first_hit("curves"), first_hit("states"), first_hit("refit_curves"))
+SYNTHETIC = {
+    "elements": [3, 4, 2], "length_mm": 11.0, "height_mm": 15.0, "thickness_mm": 1.9, "radius_mm": 16.0,
+    "lowest_row_degrees": 19.0, "deviation_degrees": 3.0, "tilt_degrees": 1.0, "H11": [0.55, 0.69],
+    "in_plane_share": [0.51, 0.7], "correlation_length_mm": 5.0, "gap_mm": 0.9, "slide_mm": 2.0,
+    "rotation_degrees": 5.0, "load_steps": 5,
+}  # fmt: skip
+HGO_LAWS = ("hgo", "structure_tensor", "families", "stress", "hgo_surface")
 # Every key of the config, a change of it, and what depends on it.
 CHANGES = {
-    "seed": (5, all_networks),
-    "fiber.modulus_MPa": (11.0, all_networks),
-    "fiber.nonlinearity": (2.0, all_networks),
-    "fiber.radius_um": (0.09, all_networks),
-    "fiber.linear_beyond_stretch": (3.0, all_networks),
-    "cube.edge_length_um": (11.0, all_networks),
-    "cube.volume_fraction": (0.05, all_networks),
-    "cube.alignment_tolerance": (0.009, all_networks),
-    "delaunay.H11": ([0.34, 0.8], the_ensemble),
-    "delaunay.smallest_H": (0.06, the_ensemble),
-    "named": (lambda: _with("named", 5, H22=0.15), the_named),
-    "protocols": (lambda: _with("protocols", 1, steps=10), protocol_small),
-    "principal_stretch_limit": (3.4, all_curves),
-    "equilibrium.residual_tolerance": (1e-8, all_curves),
-    "equilibrium.largest_number_of_iterations": (50, all_curves),
-    "equilibrium.largest_number_of_cuts": (5, all_curves),
-    "load_sets": (lambda: _with("load_sets", 1, loads=["x_uniaxial", "yz_shear"]), all_fits),
-    "fit.largest_C3": (40.0, all_fits),
-    "fit.slope_fit_below_r_squared": (0.4, all_fits),
-    "surface.cross_validation_folds": (5, the_surface),
+    "seed": (5, the_networks),
+    **{
+        f"fiber.{key}": (value, first_hit("networks"))
+        for key, value in {
+            "modulus_MPa": 11.0,
+            "nonlinearity": 2.0,
+            "radius_um": 0.09,
+            "linear_beyond_stretch": 3.0,
+        }.items()
+    },
+    **{
+        f"cube.{key}": (value, first_hit("networks"))
+        for key, value in {
+            "edge_length_um": 11.0,
+            "volume_fraction": 0.05,
+            "alignment_tolerance": 0.009,
+        }.items()
+    },
+    "delaunay.H11": ([0.34, 0.8], first_hit("networks", ensemble="delaunay")),
+    "delaunay.smallest_H": (0.06, first_hit("networks", ensemble="delaunay")),
+    "named": (lambda: _with("named", 5, H22=0.15), first_hit("networks", ensemble="named")),
+    "protocols": (lambda: _with("protocols", 1, steps=10), first_hit("curves", "states", protocol="small")),
+    "principal_stretch_limit": (3.4, first_hit("curves", "states")),
+    "equilibrium.residual_tolerance": (1e-8, the_curves),
+    "equilibrium.largest_number_of_iterations": (50, the_curves),
+    "equilibrium.largest_number_of_cuts": (5, the_curves),
+    # Figures 5 and 6 draw load sets; the tissue takes its constants from one that did not change.
+    "load_sets": (
+        lambda: _with("load_sets", 1, loads=["x_uniaxial", "yz_shear"]),
+        together(first_hit("fits", protocol="large"), first_hit("fits", protocol="small")),
+    ),
+    "fit.largest_C3": (40.0, first_hit("fits", "refits")),
+    "fit.slope_fit_below_r_squared": (0.4, first_hit("fits", "refits")),
+    "surface.cross_validation_folds": (5, first_hit("surface")),
+    **{f"synthetic_specimen.{key}": (value, first_hit("specimen")) for key, value in SYNTHETIC.items()},
+    "matrix.C1_MPa": (0.03, first_hit("tissue")),
+    "matrix.lame_lambda_MPa": (0.4, first_hit("tissue")),
+    "tissue.surface_protocol": ("small", of_runs("hgo_surface")),
+    "tissue.tension_only": (False, together(first_hit("fits", "refits"), of_runs(*HGO_LAWS), first_hit("case_study"))),
+    "tissue.linear_solver": ("direct", first_hit("tissue")),
 }
+# Which networks, protocols and models there are, and whose, is the subject of tests of their own.
+OF_THEIR_OWN = {
+    "network", "network_files", "delaunay.networks", "delaunay.batches", "specimen", "specimen_files", "tissue.batches",
+    "tissue.protocol", "tissue.load_set", "tissue.update", "tissue.refit_rounds", "tissue.models",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("key", CHANGES)
@@ -212,17 +237,94 @@ def test_the_changes_speak_of_every_key():
     keys = set()
     for key, value in yaml.safe_load(DEFAULT.read_text(encoding="utf-8")).items():
         keys |= {f"{key}.{inner}" for inner in value} if isinstance(value, dict) else {key}
-    # Which networks there are, and whose, is the subject of tests of their own.
-    assert keys - {"network", "network_files", "delaunay.networks", "delaunay.batches"} == set(CHANGES)
+    assert keys - OF_THEIR_OWN == set(CHANGES)
+
+
+def outdated(before: dict, after: dict) -> set[str]:
+    """Files of the study of `after` that one of `before` lacks or made with other params."""
+    made = {path: stage_params(stage, before, wildcards) for path, stage, wildcards in expected_files(before)}
+    return {
+        path
+        for path, stage, wildcards in expected_files(after)
+        if made.get(path) != stage_params(stage, after, wildcards)
+    }
+
+
+def changed(config: dict, **tissue) -> dict:
+    return validated({**config, "tissue": {**config["tissue"], **tissue}})
+
+
+def initial_fits(config: dict) -> set[str]:
+    fitted = {model["name"] for model in config["tissue"]["models"] if model.get("constants") == "fit"}
+    return {path for name in fitted for path in files_of(config, "tissue", run=name)}
+
+
+def test_constants_from_another_load_set_or_protocol_rerun_the_initial_runs_and_what_follows():
+    before = quick_config()
+    before["load_sets"].append({"name": "tension", "loads": ["x_uniaxial", "xy_biaxial"]})
+    before["protocols"].append({**before["protocols"][2], "name": "again", "ensembles": ["tissue"]})
+    initial = initial_fits(before)
+    assert len(initial) == 8
+    found = outdated(before, changed(before, load_set="tension"))
+    assert found == downstream(before, initial | files_of(before, "case_study"))
+    assert outdated(before, changed(before, protocol="again")) == downstream(before, initial)
+
+
+def test_another_model_leaves_the_others_alone():
+    before = quick_config()
+    models = [dict(model) for model in before["tissue"]["models"]]
+    models[3] |= {"name": "own"}
+    found = outdated(before, changed(before, models=models))
+    runs = {path for path in found if path.startswith("results/tissue/")}
+    assert runs == {f"results/tissue/own{refit}.{ending}" for refit in ("", "_refit") for ending in ("nc", "vtu")}
+    assert not any("networks" in path or "fits/tissue/section_2_6" in path for path in found)
+
+
+def test_more_rounds_add_runs_and_change_none():
+    before = quick_config()
+    found = outdated(before, changed(before, refit_rounds=2))
+    assert {path for path in found if path.endswith(".nc") and "/tissue/" in path and "curves" not in path} == {
+        f"results/tissue/{name}_refit_2.nc" for name in ("hgo", "structure_tensor", "families", "stress")
+    }
+    assert "results/fits/tissue/refit_hgo_refit.csv" in found
+    assert "results/fits/tissue/refit_hgo.csv" not in found
+
+
+def test_more_batches_of_element_networks_give_the_same_bits(quick, tmp_path):
+    change = {"tissue": {"batches": 3}}
+    wanted = [f"results/networks/tissue/0{batch}.nc" for batch in range(3)]
+    done = snakemake(tmp_path, "-j2", *wanted, configs=(QUICK, written(tmp_path, change)))
+    assert done.returncode == 0, done.stderr
+    whole = xr.concat(
+        [
+            xr.load_dataset(quick[0] / f"results/networks/tissue/0{batch}.nc", engine="h5netcdf")["structure_tensor"]
+            for batch in range(2)
+        ],
+        "network",
+    )
+    parts = xr.concat(
+        [xr.load_dataset(tmp_path / path, engine="h5netcdf")["structure_tensor"] for path in wanted], "network"
+    )
+    assert parts.values.tobytes() == whole.values.tobytes()
+
+
+def test_lagged_constants_need_no_curves_of_refits(quick):
+    found = would_run(quick[0], {"tissue": {"update": "lagged"}})
+    assert not any("refit_" in path and path.startswith("results/curves") for path in found)
+    assert {f"results/tissue/{name}_refit.nc" for name in ("hgo", "structure_tensor", "families", "stress")} <= found
+    assert "results/tissue/hgo.nc" not in found
 
 
 @pytest.mark.parametrize(
     ("source", "first", "spared"),
     [
-        ("networks/generation.py", {"networks"}, {"figure_7"}),
-        ("networks/equilibrium.py", {"curves", "states"}, {"networks", "figure_7"}),
-        ("fitting/hgo.py", {"fits"}, {"networks", "curves", "states", "convergence", "figure_7"}),
+        ("networks/generation.py", {"networks"}, {"specimen", "figure_7"}),
+        ("networks/equilibrium.py", {"curves", "states"}, {"networks", "specimen", "figure_7"}),
+        ("fitting/hgo.py", {"fits"}, {"networks", "curves", "states", "specimen", "figure_7"}),
         ("fitting/surface.py", {"surface"}, {"networks", "curves", "states", "fits", "figure_3", "figure_7"}),
+        ("fe/assembly.py", {"tissue"}, {"networks", "curves", "fits", "specimen", "surface", "case_study"}),
+        ("specimen.py", {"specimen"}, {"surface", "case_study", "figure_7"}),
+        ("hybrid.py", set(), set(STAGES)),
         ("study/convergence.py", {"convergence"}, set(STAGES) - {"convergence"}),
         ("figures/figure_3.py", {"figure_3"}, set(STAGES) - {"figure_3"}),
         ("networks/three_fibers.py", {"figure_7"}, set(STAGES) - {"figure_7"}),
@@ -299,8 +401,9 @@ def rows(data: xr.Dataset, name: str, count: str, network: int) -> np.ndarray:
 )
 def test_a_killed_run_continues_with_the_same_command(tmp_path, blow):
     configs = (QUICK, written(tmp_path, SMALL))
+    targets = [*(f"results/networks/delaunay/0{batch}.nc" for batch in range(3)), "results/networks/named/00.nc"]
     run = subprocess.Popen(
-        command_line("-j2", "networks", configs=configs),
+        command_line("-j2", *targets, configs=configs),
         cwd=tmp_path,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -317,7 +420,7 @@ def test_a_killed_run_continues_with_the_same_command(tmp_path, blow):
     assert "Traceback" not in said
     wait_for(lambda: not any(child.is_running() and child.status() != psutil.STATUS_ZOMBIE for child in jobs))
     assert not list((tmp_path / "results").rglob("*.nc"))  # none of them lived to write its file
-    done = snakemake(tmp_path, "-j2", "networks", configs=configs)
+    done = snakemake(tmp_path, "-j2", *targets, configs=configs)
     assert done.returncode == 0, done.stderr
     assert len(list((tmp_path / "results/networks").rglob("*.nc"))) == 4
     assert not [path for path in (tmp_path / "results").rglob(".*") if path.is_file()]

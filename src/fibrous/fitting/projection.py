@@ -23,13 +23,13 @@ SMALLEST_EXPONENT = 1e-3  # below it φ is that of s = 0 to 0.1 %, and one inter
 
 
 class Minimum(NamedTuple):
-    """The least sum of squares; amplitude and its half-width in the unit of the data times that of 1/φ."""
+    """The least sum of squares, and 95 % half-widths of s and of the linear constant a e^-s."""
 
     s: float
     amplitude: float
     squares: float
-    amplitude_half_width: float  # 95 %, of a e^-s relative to e^-s; NaN where a = 0 or there are too few data
-    s_half_width: float  # 95 %; NaN where s is at a bound, and the amplitude's half-width then holds for that s
+    amplitude_half_width: float  # times e^-s that of a e^-s; NaN where a = 0 or there are too few data
+    s_half_width: float  # NaN where s is at a bound, and the other half-width then holds for that s
     determined: bool  # neither a nor s is at a bound, and the data tell the two apart
 
 

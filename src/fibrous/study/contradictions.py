@@ -268,8 +268,9 @@ def _tissue(config: Config) -> Iterator[str]:
     if load_set not in load_sets:
         yield f"tissue.load_set is {load_set}, must be one of {', '.join(load_sets)}"
         return
-    for path, protocol in (("tissue.protocol", name), ("protocols: section_2_6", CASE_PROTOCOL)):
-        missing = set(load_sets[load_set]["loads"]) - plan.loads(protocols.get(protocol, load_sets[load_set]))
+    wanted = set(load_sets[load_set]["loads"])
+    for path, protocol in (("tissue.protocol", name), (f"protocols: {CASE_PROTOCOL}", CASE_PROTOCOL)):
+        missing = wanted - plan.loads(protocols[protocol]) if protocol in protocols else set()
         if missing:
             yield f"{path} lacks {min(missing)}, which tissue.load_set = {load_set} asks for"
     if name not in protocols:
