@@ -1,7 +1,10 @@
-"""Networks that several tests share: small ones, made as the study makes them."""
+"""What several tests share: small networks, made as the study makes them, and a small study of the tissue."""
+
+from functools import partial
 
 import numpy as np
 import pytest
+from small_study import Study
 
 from fibrous.networks.equilibrium import EquilibriumSolver
 from fibrous.networks.fiber_law import FiberLaw
@@ -31,6 +34,18 @@ def solver(network) -> EquilibriumSolver:
 def tight_solver(network) -> EquilibriumSolver:
     """Converged to rounding, for comparisons with differences of the stress."""
     return EquilibriumSolver.of(network, FiberLaw(2.5), residual_tolerance=1e-14)
+
+
+@pytest.fixture(scope="session")
+def study(tmp_path_factory) -> Study:
+    """Specimen, networks, fits, surface and a few runs; tests may add runs, and change nothing."""
+    return Study(tmp_path_factory.mktemp("study")).prepare()
+
+
+@pytest.fixture
+def other(study, tmp_path):
+    """Makes a study with a copy of some files of `study`, which a test may change."""
+    return partial(study.with_files, tmp_path)
 
 
 @pytest.fixture

@@ -111,10 +111,12 @@ def tissue_dataset(
     """A dataset of the kind `tissue`; C2 and C3 have shape (steps, elements), H shape (elements, 3, 3)."""
     entheses = [FIXED, MOVED]
     reactions = [reaction_force(solution.internal_force, np.flatnonzero(specimen.enthesis == one)) for one in entheses]
+    with np.errstate(invalid="ignore"):  # steps that did not converge are NaN
+        stress = cauchy_stress(solution.stress, solution.deformation_gradient)
     arrays = {
         "displacement": solution.displacement,
         "deformation_gradient": solution.deformation_gradient,
-        "cauchy_stress": cauchy_stress(solution.stress, solution.deformation_gradient),
+        "cauchy_stress": stress,
         "reaction_force": np.stack(reactions, axis=1),
         "newton_iterations": solution.newton_iterations,
         "cuts": solution.cuts,
