@@ -22,10 +22,10 @@ include: "workflow/rules/surrogates.smk"
 if config["network"] != "file":
 
     include: "workflow/rules/tissue.smk"
+
     if config["tissue"]["update"] == "lagged":
 
         include: "workflow/rules/lagged.smk"
-
     include: "workflow/rules/figures.smk"
 
 

@@ -322,6 +322,48 @@ MUTATIONS = [
         "third = transverse - first",
         "test_mesh_files.py",
     ),
+    Mutation(
+        "law less network",
+        "material_point.py",
+        "difference = stress - reference",
+        "difference = reference - stress",
+        "test_material_point.py",
+    ),
+    Mutation(
+        "steps that the errors compare",
+        "study/case_study.py",
+        'compared = used & (path["step"].values > 0)',
+        "compared = used",
+        "test_case_study.py",
+    ),
+    Mutation(
+        "initial fit and refit",
+        "study/case_study.py",
+        'groups = {INITIAL: (config["load_set"], ALL), REFIT: (SINGLE, deformation)}',
+        'groups = {REFIT: (SINGLE, deformation), INITIAL: (config["load_set"], ALL)}',
+        "test_case_study.py",
+    ),
+    Mutation(
+        "outward normals of a mesh",
+        "figures/surface_of_mesh.py",
+        "np.cross(c - a, d - b)",
+        "np.cross(c - a, b - d)",
+        "test_tissue_figures.py",
+    ),
+    Mutation(
+        "angle of a sharp edge",
+        "figures/surface_of_mesh.py",
+        "> 2.0 * np.cos(",
+        "> 2.0 * np.sin(",
+        "test_tissue_figures.py",
+    ),
+    Mutation(
+        "nodes of the deformed specimen",
+        "figures/specimen.py",
+        'specimen["node_position"].values + last["displacement"].values',
+        'specimen["node_position"].values - last["displacement"].values',
+        "test_tissue_figures.py",
+    ),
 ]
 
 

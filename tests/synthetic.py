@@ -36,8 +36,9 @@ PRINCIPAL_STRETCH_LIMIT = 2.6
 LOST_LOAD = "xz_shear"
 
 
-def params(figure: int, **config: Any) -> dict[str, Any]:
-    return {"stage": f"fibrous.figures.figure_{figure}", "config": config, "code_hash": "0" * 16}
+def params(figure: int | str, **config: Any) -> dict[str, Any]:
+    name = figure if isinstance(figure, str) else f"figure_{figure}"
+    return {"stage": f"fibrous.figures.{name}", "config": config, "code_hash": "0" * 16}
 
 
 def structure_tensors() -> np.ndarray:

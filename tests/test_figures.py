@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import synthetic
+import synthetic_tissue
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from PIL import Image
@@ -29,15 +30,20 @@ from fibrous.fitting.surface import TERMS
 
 PROTOCOLS = list(synthetic.PROTOCOLS)
 FIGURE_6_NETWORKS = list(synthetic.NAMED)[1:]
-DATA = {3: ("data",), 5: ("data",), 6: ("curves", "constants", "surface"), 7: ("data",)}
+DATA = dict.fromkeys((3, 5, 6, 7, 8, "specimen"), ("data",)) | {6: ("curves", "constants", "surface")}
 
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
-    return synthetic.write_study(tmp_path_factory.mktemp("study"))
+    folder = tmp_path_factory.mktemp("study")
+    return synthetic.write_study(folder) | synthetic_tissue.write_study(folder)
 
 
 def inputs_of(number, study):
+    if number == 8:
+        return {"stresses": [study["stresses"]]}
+    if number == "specimen":
+        return {"specimen": [study["specimen"]], "tissue": [study["hgo"], study["hgo_refit"]]}
     each = {kind: [study[f"{kind}_{protocol}"] for protocol in PROTOCOLS] for kind in ("states", "curves", "fits")}
     if number == 6:
         fits = [study["fits_large"], study["fits_delaunay"]]
@@ -54,14 +60,14 @@ def config_of(number):
     case = {"network": "case", "protocols": PROTOCOLS}
     survey = {"networks": FIGURE_6_NETWORKS, "protocol": "large"}
     load_sets = {"load_sets": synthetic.LOAD_SETS}
-    return {3: case, 5: {**case, **load_sets}, 6: {**survey, **load_sets}, 7: {}}[number]
+    return {3: case, 5: {**case, **load_sets}, 6: {**survey, **load_sets}}.get(number, {})
 
 
 def run(number, study, folder):
-    outputs = {name: folder / f"figure_{number}_{name}.csv" for name in DATA[number]}
-    outputs |= {kind: folder / f"figure_{number}.{kind}" for kind in ("png", "svg")}
+    outputs = {name: folder / f"{number}_{name}.csv" for name in DATA[number]}
+    outputs |= {kind: folder / f"{number}.{kind}" for kind in ("png", "svg")}
     params = synthetic.params(number, **config_of(number))
-    import_module(f"fibrous.figures.figure_{number}").run(inputs_of(number, study), outputs, params)
+    import_module(params["stage"]).run(inputs_of(number, study), outputs, params)
     return outputs
 
 
@@ -77,7 +83,7 @@ def figure(study):
     return cache(lambda number: draw(number, study))
 
 
-NUMBERS = pytest.mark.parametrize("number", [3, 5, 6, 7])
+NUMBERS = pytest.mark.parametrize("number", DATA)
 
 
 @NUMBERS
@@ -91,11 +97,11 @@ def test_two_runs_give_the_same_bytes(number, files, study, tmp_path):
 def test_png_has_print_size_resolution_and_provenance(number, files):
     with Image.open(files(number)["png"]) as image:
         image.load()
-        assert image.width == int(183 / 25.4 * 300)
+        assert image.width == int((89 if number == 8 else 183) / 25.4 * 300)
         assert image.info["dpi"] == pytest.approx((300, 300), abs=0.1)
         provenance = json.loads(image.text["fibrous"])
         assert np.asarray(image.convert("L")).std() > 10.0
-    assert provenance["stage"] == f"fibrous.figures.figure_{number}"
+    assert provenance["stage"] == synthetic.params(number)["stage"]
     assert json.loads(provenance["config"]) == config_of(number)
     assert provenance["code_hash"] == "0" * 16
 
@@ -107,7 +113,7 @@ def test_svg_parses_and_holds_no_date(number, files):
     assert root.tag.endswith("svg")
     assert not re.search(r"<dc:date|\b20\d\d-\d\d-\d\d", text)
     described = root.find(".//{http://purl.org/dc/elements/1.1/}description")
-    assert json.loads(described.text)["stage"] == f"fibrous.figures.figure_{number}"
+    assert json.loads(described.text)["stage"] == synthetic.params(number)["stage"]
 
 
 @NUMBERS
@@ -138,7 +144,7 @@ def draw(number, study):
     """The figure itself, from the same inputs as `run`."""
     params, inputs = synthetic.params(number, **config_of(number)), inputs_of(number, study)
     kept = []
-    module = import_module(f"fibrous.figures.figure_{number}")
+    module = import_module(params["stage"])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module.style, "save", lambda figure, *_: kept.append(figure))
         patch.setattr(module, "write_table", lambda *_: None)

@@ -1,4 +1,4 @@
-"""A law at one point of the tissue, led along a path of deformation gradients; and how far its stress is from another's."""
+"""A law at one point of the tissue along a path of deformation gradients, and how far its stress is from another's."""
 
 from __future__ import annotations
 

@@ -6,10 +6,10 @@ rule deform_tissue_with_lagged_constants:
         unpack(inputs("lagged")),
     output:
         **outputs("lagged"),
-    wildcard_constraints:
-        run="|".join(instance["run"] for instance in stages.STAGES["lagged"].instances(config)),
     log:
         "logs/tissue/{run}.log",
+    wildcard_constraints:
+        run="|".join(instance["run"] for instance in stages.STAGES["lagged"].instances(config)),
     threads: 1
     resources:
         mem_mb=4000,

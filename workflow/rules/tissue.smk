@@ -75,10 +75,10 @@ rule deform_tissue:
         unpack(inputs("tissue")),
     output:
         **outputs("tissue"),
-    wildcard_constraints:
-        run="|".join(instance["run"] for instance in stages.STAGES["tissue"].instances(config)),
     log:
         "logs/tissue/{run}.log",
+    wildcard_constraints:
+        run="|".join(instance["run"] for instance in stages.STAGES["tissue"].instances(config)),
     threads: 1
     resources:
         mem_mb=2500,

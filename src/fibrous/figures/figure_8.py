@@ -28,7 +28,7 @@ COLUMNS = (
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
-    """Draw the table inputs["stresses"]; writes outputs["data"], a row a point drawn, outputs["png"], outputs["svg"]."""
+    """Draw the table inputs["stresses"]; writes outputs["data"], a row a point, and outputs["png"], outputs["svg"]."""
     stresses = read_table(inputs["stresses"][0], COLUMNS)
     texts = ["constants", "law", "energy", "objective"]
     stresses[texts] = stresses[texts].fillna("")
@@ -102,13 +102,14 @@ def _draw_stresses(axes: Axes, table: pd.DataFrame, numbers: Mapping[str, int]) 
 
 def _handles(stresses: pd.DataFrame) -> list[Line2D]:
     handles = [Line2D([], [], **MARKER, label="network")]
-    models = stresses.drop_duplicates("model").set_index("model")
-    for model, number in _numbers(stresses).items():
-        handles.append(Line2D([], [], **style.model_style(number), label=_label(models.loc[model])))
+    numbers = _numbers(stresses)
+    for model in stresses.drop_duplicates("model").to_dict("records"):
+        if model["model"] != NETWORK:
+            handles.append(Line2D([], [], **style.model_style(numbers[model["model"]]), label=_label(model)))
     return handles
 
 
-def _label(model: pd.Series) -> str:
+def _label(model: Mapping[Any, Any]) -> str:
     if model["law"] == "affine":
         return "affine fibres, nothing fitted"
     fitted = f"{FORMS[model['energy']]} fitted" + (" to stress" if model["objective"] == "stress" else "")
@@ -118,7 +119,7 @@ def _label(model: pd.Series) -> str:
 
 
 def _note(stresses: pd.DataFrame) -> str:
-    end = stresses.loc[stresses["step"].idxmax(), "averaged_stretch"]
+    end = float(stresses["averaged_stretch"].iloc[-1])
     hidden = [name for name in SHEAR if name not in shown_components(stresses)]
     bound = KPA * max(_largest(stresses, name) for name in hidden)
     names = " and ".join(f"$\\sigma_{{{name}}}$" for name in hidden)

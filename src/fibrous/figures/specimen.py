@@ -95,16 +95,19 @@ def element_table(specimen: xr.Dataset, runs: list[Run]) -> pd.DataFrame:
 @matplotlib.rc_context(style.SHEET)
 def draw(specimen: xr.Dataset, runs: list[Run]) -> Figure:
     """Panel a, the specimen at rest, beside one row of panels for each run."""
-    figure = style.new_figure(style.FULL_WIDTH_MM, 20.0 + 46.0 * len(runs))
-    bottom, top = 16.0 / (20.0 + 46.0 * len(runs)), 0.95
+    height = 22.0 + 46.0 * len(runs)
+    figure = style.new_figure(style.FULL_WIDTH_MM, height)
+    bottom, top = 16.0 / height, 1.0 - 6.0 / height
+    shown = _shown(runs)
+    widths = [1.4] + [1.0] * len(shown)
     columns = figure.add_gridspec(
-        1, 4, left=0.01, right=0.995, bottom=bottom, top=top, wspace=0.08, width_ratios=[1.4, 1, 1, 1]
+        1, len(widths), left=0.01, right=0.995, bottom=bottom, top=top, wspace=0.08, width_ratios=widths
     )
     surface = Surface.of(specimen["element_nodes"].values)
     rest = specimen["node_position"].values
     edges = surface.sharp_edges(rest)
     _draw_fibers(figure, columns[0], specimen, surface)
-    for number, (letter, (name, label)) in enumerate(FIELDS.items(), start=1):
+    for number, (letter, (name, label)) in enumerate(shown.items(), start=1):
         colors = _colors([one.elements[name] for one in runs])
         cells = GridSpecFromSubplotSpec(len(runs), 1, columns[number], hspace=0.1)
         for row, one in enumerate(runs):
@@ -122,6 +125,13 @@ def draw(specimen: xr.Dataset, runs: list[Run]) -> Figure:
     note += f"d: means over the elements at load step {runs[0].step}; lines are the edges at rest."
     figure.text(0.012, 0.01, note, fontsize=6.0)
     return figure
+
+
+def _shown(runs: list[Run]) -> dict[str, tuple[str, str]]:
+    """The FIELDS without constants that no run's law has."""
+    return {
+        key: field for key, field in FIELDS.items() if any(np.isfinite(one.elements[field[0]]).any() for one in runs)
+    }
 
 
 def _draw_fibers(figure: Figure, spec: SubplotSpec, specimen: xr.Dataset, surface: Surface) -> None:
@@ -145,8 +155,15 @@ def _name_bones(axes: Axes, specimen: xr.Dataset) -> None:
     for enthesis, text in BONES.items():
         there = points[specimen["enthesis"].values == enthesis].mean(axis=0)
         side = float(np.sign(there[0] - middle[0]))
-        place = {"xytext": (side * 9.0, 0.0), "textcoords": "offset points", "va": "center"}
-        axes.annotate(text, tuple(there), ha="left" if side > 0.0 else "right", fontsize=6.5, **place)
+        axes.annotate(
+            text,
+            tuple(there),
+            xytext=(side * 9.0, 0.0),
+            textcoords="offset points",
+            ha="left" if side > 0.0 else "right",
+            va="center",
+            fontsize=6.5,
+        )
 
 
 def _draw_scale(axes: Axes, rest: np.ndarray) -> None:
@@ -175,5 +192,6 @@ def _fit(axes: Axes, positions: list[np.ndarray]) -> None:
 
 def _draw_bar(figure: Figure, spec: SubplotSpec, colors: ScalarMappable, label: str) -> None:
     box = spec.get_position(figure)
-    bar = figure.add_axes((box.x0 + 0.12 * box.width, box.y0 - 0.03, 0.76 * box.width, 0.014))
+    height = figure.get_figheight() / style.MM
+    bar = figure.add_axes((box.x0 + 0.12 * box.width, box.y0 - 3.0 / height, 0.76 * box.width, 1.5 / height))
     figure.colorbar(colors, cax=bar, orientation="horizontal", label=label)

@@ -17,11 +17,8 @@ from fibrous.errors import DatasetError, naming
 from fibrous.material_point import COMPONENTS, along_path, stress_errors
 from fibrous.materials.affine_fibers import AffineFibers
 from fibrous.materials.contract import Material
-from fibrous.materials.hgo import HGOFamilies, HGOStructureTensor
-from fibrous.networks.fiber_law import FiberLaw
-from fibrous.networks.homogenization import stress_scale
-from fibrous.study.fits import ALL, SINGLE, TENSOR_COLUMNS
-from fibrous.study.loading import unpacked
+from fibrous.study.fit_tables import ALL, SINGLE, TENSOR_COLUMNS, fiber_law_of, fits_of, structure_tensors
+from fibrous.study.loading import fiber_law, scale_of, unpacked
 
 NETWORK = "network"  # in the column `model`
 INITIAL, REFIT = "initial", "refit"
@@ -29,7 +26,6 @@ FIT_COLUMNS = (
     "name", "load_set", "deformation", "energy", "objective", *TENSOR_COLUMNS, "C2_MPa", "C3", "r_squared",
 )  # fmt: skip
 # Section 2.5 fits the slope where an energy fit is poor; it stays the energy's fit.
-OBJECTIVES = {"energy": ("energy", "slope"), "stress": ("stress",)}
 NOTHING = {"constants": "", "law": "", "energy": "", "objective": "", "C2_MPa": np.nan, "C3": np.nan}
 
 
@@ -61,11 +57,11 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     compared = used & (path["step"].values > 0)
     if not compared.any():
         raise DatasetError(
-            f"{inputs['curves'][0]}: {config['network']} found no equilibrium beyond rest to compare with"
+            f"{inputs['curves'][0]}: {config['network']} found no equilibrium beyond rest; load it in more steps"
         )
     about = {"model": NETWORK, **NOTHING}
     states = [_states(about, path, path["strain_energy_density"].values, network)[used]]
-    errors = []
+    errors: list[dict[str, Any]] = []
     for model in _models(inputs, config, str(path["deformation"].item())):
         response = along_path(model.material, path["deformation_gradient"].values)
         states.append(_states(model.about, path, response.strain_energy_density, response.cauchy_stress))
@@ -98,7 +94,7 @@ def _models(inputs: Mapping[str, list[Path]], config: Mapping[str, Any], deforma
             about = {"model": entry["name"], **NOTHING, "law": entry["law"]}
             yield _Model(about, _affine_fibers(inputs["networks"][0], config["network"]), np.nan)
         elif entry.get("constants") == "fit":
-            for constants in (INITIAL, REFIT) if entry["refit"] else (INITIAL,):
+            for constants in (INITIAL, REFIT) if entry.get("refit") else (INITIAL,):
                 with naming(f"{fits[constants]}: model '{entry['name']}'"):
                     row = _row(datasets.read_table(fits[constants], FIT_COLUMNS), config, entry, groups[constants])
                     yield _fitted(row, entry, constants, config["tension_only"])
@@ -106,49 +102,32 @@ def _models(inputs: Mapping[str, list[Path]], config: Mapping[str, Any], deforma
 
 def _row(
     fits: pd.DataFrame, config: Mapping[str, Any], entry: Mapping[str, Any], group: tuple[str, str]
-) -> dict[Any, Any]:
+) -> pd.DataFrame:
     """The one row with the constants of a model."""
-    found = fits[
-        (fits["name"] == config["network"])
-        & (fits["load_set"] == group[0])
-        & (fits["deformation"] == group[1])
-        & (fits["energy"] == entry["energy"])
-        & fits["objective"].isin(OBJECTIVES[entry["objective"]])
-    ]
+    found = fits_of(fits, entry["energy"], entry["objective"], *group)
+    found = found[found["name"] == config["network"]]
     if len(found) != 1:
         raise DatasetError(
             f"{len(found)} fits of '{config['network']}' to {group[0]}, {group[1]}, with the energy {entry['energy']} "
             f"and the objective {entry['objective']}, where one is needed; delete the table and run again"
         )
-    return found.to_dict("records")[0]
+    return found
 
 
-def _fitted(row: Mapping[Any, Any], entry: Mapping[str, Any], constants: str, tension_only: bool) -> _Model:
-    H = np.empty((3, 3))
-    for column, (i, j) in TENSOR_COLUMNS.items():
-        H[i, j] = H[j, i] = row[column]
-    C2, C3 = row["C2_MPa"], row["C3"]
-    material: Material
-    if entry["law"] == "families":
-        material = HGOFamilies.of_structure_tensor(H, C2, C3, tension_only)
-    else:
-        material = HGOStructureTensor(C2, C3, H, tension_only)
+def _fitted(row: pd.DataFrame, entry: Mapping[str, Any], constants: str, tension_only: bool) -> _Model:
+    fit = row.to_dict("records")[0]
+    C2, C3 = fit["C2_MPa"], fit["C3"]
+    material = fiber_law_of(entry["law"], structure_tensors(row)[0], C2, C3, tension_only)
     about = {"model": entry["name"], "constants": constants, "law": entry["law"], "energy": entry["energy"]}
-    return _Model({**about, "objective": row["objective"], "C2_MPa": C2, "C3": C3}, material, row["r_squared"])
+    return _Model({**about, "objective": fit["objective"], "C2_MPa": C2, "C3": C3}, material, fit["r_squared"])
 
 
 def _affine_fibers(path: Path, name: str) -> AffineFibers:
     """The fibres of the network of that name in a file of networks, all stretched with F."""
     dataset = datasets.read(path, "networks")
-    constants = dataset.attrs
-    beyond = float(constants["fiber_linear_beyond_stretch"])
-    law = FiberLaw(float(constants["fiber_nonlinearity"]), np.inf if np.isnan(beyond) else beyond)
-    scale = stress_scale(
-        float(constants["fiber_modulus_MPa"]), float(constants["fiber_radius_um"]), float(constants["edge_length_um"])
-    )
     with naming(str(path)):
         network = unpacked(dataset)[_number_of(dataset, name, path)]
-    return AffineFibers.of_networks([network], law, scale)
+    return AffineFibers.of_networks([network], fiber_law(dataset), scale_of(dataset))
 
 
 def _states(about: Mapping[str, Any], path: xr.Dataset, energy: np.ndarray, stress: np.ndarray) -> pd.DataFrame:

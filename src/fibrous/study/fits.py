@@ -17,10 +17,7 @@ import xarray as xr
 from fibrous import datasets
 from fibrous.errors import ConfigError, DatasetError
 from fibrous.fitting.hgo import Curves, HGOFit, fit_constants
-
-SINGLE = "single"  # load set of a fit to one load
-ALL = "all"  # deformation of a fit to all loads of a load set
-TENSOR_COLUMNS = {"H11": (0, 0), "H22": (1, 1), "H33": (2, 2), "H12": (0, 1), "H13": (0, 2), "H23": (1, 2)}
+from fibrous.study.fit_tables import ALL, SINGLE, TENSOR_COLUMNS
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:

@@ -126,10 +126,12 @@ def is_lagged(config: Config, run: Run) -> bool:
 
 
 def drawn_runs(config: Config) -> list[str]:
-    """Runs that figures of the tissue show: the first model that is refitted before and after, or the first alone."""
+    """Runs that figures of the tissue show: the first model that is refitted, before and after, or else the first."""
     every = runs(config)
     refitted = next((run for run in every if run.refits), None)
-    return [refitted.source, refitted.name] if refitted else [every[0].name]
+    if refitted:
+        return [refitted.source, refitted.name]
+    return [next((run for run in every if run.model.get("constants")), every[0]).name]
 
 
 def forms(config: Config) -> list[dict[str, str]]:

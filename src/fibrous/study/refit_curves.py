@@ -12,9 +12,8 @@ from fibrous import datasets
 from fibrous.deformation import LoadPath
 from fibrous.errors import DatasetError
 from fibrous.study.curves import write_curves
+from fibrous.study.fit_tables import LOAD
 from fibrous.study.loading import loaded_networks
-
-LOAD = "tissue"
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:

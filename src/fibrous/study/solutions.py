@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import xarray as xr
 
 from fibrous import datasets
@@ -20,15 +19,14 @@ from fibrous.fe.fields import cauchy_stress
 from fibrous.fe.mesh import Mesh
 from fibrous.fe.solver import Attempt, LoadStepError, Solution
 from fibrous.materials.contract import Material
-from fibrous.materials.hgo import HGOFamilies, HGOStructureTensor
 from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.specimen import FIXED, MOVED, Specimen
+from fibrous.study.fit_tables import ALL, LOAD, SINGLE, TENSOR_COLUMNS, fiber_law_of, fits_of, structure_tensors
 from fibrous.vtu_files import vtu
 
-TENSOR_COLUMNS = {"H11": (0, 0), "H22": (1, 1), "H33": (2, 2), "H12": (0, 1), "H13": (0, 2), "H23": (1, 2)}
+LAWS_WITH_CONSTANTS = ("families", "structure_tensor")
 COLUMNS = ("network", "load_set", "deformation", "energy", "objective", "C2_MPa", "C3", *TENSOR_COLUMNS)
-ALL, SINGLE = "all", "single"  # deformation of a pooled fit, load set of a fit to one load
 
 
 @dataclass(frozen=True)
@@ -60,14 +58,8 @@ def fitted_constants(path: Path, networks: np.ndarray, model: Mapping[str, Any],
     Raises DatasetError where a network has none.
     """
     table = datasets.read_table(path, COLUMNS)
-    objectives = ("stress",) if model["objective"] == "stress" else ("energy", "slope")
-    wanted = (table["energy"] == model["energy"]) & table["objective"].isin(objectives)
-    wanted &= (
-        table["load_set"] == SINGLE
-        if load_set is None
-        else (table["load_set"] == load_set) & (table["deformation"] == ALL)
-    )
-    table = table[wanted].set_index("network")
+    group = (SINGLE, LOAD) if load_set is None else (load_set, ALL)
+    table = fits_of(table, model["energy"], model["objective"], *group).set_index("network")
     missing = np.setdiff1d(networks, table.index[table[["C2_MPa", "C3"]].notna().all(axis=1)])
     if missing.size or not table.index.is_unique:
         number = missing[0] if missing.size else table.index[table.index.duplicated()][0]
@@ -77,14 +69,7 @@ def fitted_constants(path: Path, networks: np.ndarray, model: Mapping[str, Any],
             "see results/tables/convergence.csv, or delete the table and run again"
         )
     table = table.loc[networks]
-    return Constants(table["C2_MPa"].to_numpy(float), table["C3"].to_numpy(float), _tensors(table))
-
-
-def _tensors(table: pd.DataFrame) -> np.ndarray:
-    tensors = np.empty((len(table), 3, 3))
-    for column, (i, j) in TENSOR_COLUMNS.items():
-        tensors[:, i, j] = tensors[:, j, i] = table[column]
-    return tensors
+    return Constants(table["C2_MPa"].to_numpy(float), table["C3"].to_numpy(float), structure_tensors(table))
 
 
 def tissue_material(config: Mapping[str, Any], constants: Constants, fibers: Material | None = None) -> Material:
@@ -92,11 +77,8 @@ def tissue_material(config: Mapping[str, Any], constants: Constants, fibers: Mat
     matrix = NeoHookean(config["matrix"]["C1_MPa"], config["matrix"]["lame_lambda_MPa"])
     # One value an element, the same at its Gauss points.
     C2, C3, tensor = constants.C2[:, None], constants.C3[:, None], constants.structure_tensor[:, None]
-    match config["model"]["law"]:
-        case "families":
-            fibers = HGOFamilies.of_structure_tensor(tensor, C2, C3, config["tension_only"])
-        case "structure_tensor":
-            fibers = HGOStructureTensor(C2, C3, tensor, config["tension_only"])
+    if config["model"]["law"] in LAWS_WITH_CONSTANTS:
+        fibers = fiber_law_of(config["model"]["law"], tensor, C2, C3, config["tension_only"])
     return matrix if fibers is None else Mixture((matrix, fibers))
 
 
