@@ -44,13 +44,12 @@ def small_config(**changes: Any) -> dict[str, Any]:
     return config
 
 
-def small_specimen(**changes: Any) -> Specimen:
+def small_specimen() -> Specimen:
     """The specimen of `small_config`, from its numbers."""
-    config = small_config(**changes)
+    config = small_config()
     numbers = config["synthetic_specimen"]
-    slab = Slab(
-        tuple(numbers["elements"]), *(numbers[f"{of}_mm"] for of in ("length", "height", "thickness", "radius"))
-    )
+    lengths = (numbers[f"{of}_mm"] for of in ("length", "height", "thickness", "radius"))
+    slab = Slab(tuple(numbers["elements"]), *lengths)
     angles = (numbers[f"{of}_degrees"] for of in ("lowest_row", "deviation", "tilt"))
     rest = (numbers[name] for name in ("H11", "in_plane_share", "correlation_length_mm"))
     motion = RigidMotion(numbers["gap_mm"], numbers["slide_mm"], numbers["rotation_degrees"])
@@ -108,10 +107,8 @@ class Study:
         read = (datasets.read(self.folder / path, "networks") for path in NETWORK_FILES)
         return [network for dataset in read for network in unpacked(dataset)]
 
-    def write_fits(self, protocol: str, table: pd.DataFrame) -> Path:
-        path = self.folder / f"results/fits/tissue/{protocol}.csv"
-        datasets.write_table(table, path, NO_PARAMS)
-        return path
+    def write_fits(self, protocol: str, table: pd.DataFrame) -> None:
+        datasets.write_table(table, self.folder / f"results/fits/tissue/{protocol}.csv", NO_PARAMS)
 
 
 def constants(energy: str, objective: str) -> tuple[np.ndarray, np.ndarray]:
@@ -127,9 +124,9 @@ def made_up_fits(load_set: str, deformation: str, factor: float = 1.0) -> pd.Dat
     for energy in ("structure_tensor", "families"):
         for objective in ("energy", "stress"):
             C2, C3 = constants(energy, objective)
-            fitted = (
-                "slope" if (energy, objective, deformation) == ("structure_tensor", "energy", "tissue") else objective
-            )
+            # Section 2.5's rule for a single deformation.
+            slope = (energy, objective, deformation) == ("structure_tensor", "energy", "tissue")
+            fitted = "slope" if slope else objective
             for number in np.random.default_rng(3).permutation(ELEMENTS):
                 tensor = {column: tensors[number][index] for column, index in TENSOR.items()}
                 row = {"network": number, "energy": energy, "objective": fitted, **tensor}
