@@ -1,10 +1,12 @@
-"""What several tests share: small networks, made as the study makes them, and a small study of the tissue."""
+"""What several tests share: small networks, made as the study makes them, a small study, and a run of the quick one."""
 
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
 from small_study import Study
+from workflow_runs import snakemake
 
 from fibrous.networks.equilibrium import EquilibriumSolver
 from fibrous.networks.fiber_law import FiberLaw
@@ -51,3 +53,12 @@ def other(study, tmp_path):
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(11)
+
+
+@pytest.fixture(scope="session")
+def quick(tmp_path_factory) -> tuple[Path, str]:
+    """The quick study run from an empty folder, with what it said."""
+    folder = tmp_path_factory.mktemp("quick")
+    done = snakemake(folder, "-j2")
+    assert done.returncode == 0, done.stderr
+    return folder, done.stdout + done.stderr
