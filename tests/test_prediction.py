@@ -14,7 +14,6 @@ BEHIND_THE_SURFACE = (
     "seed",
     "fiber",
     "cube",
-    "protocols",
     "principal_stretch_limit",
     "equilibrium",
     "load_sets",
