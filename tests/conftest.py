@@ -1,9 +1,11 @@
-"""What several tests share: small networks, made as the study makes them, and one run of the quick study."""
+"""What several tests share: small networks, made as the study makes them, a small study, and a run of the quick one."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+from small_study import Study
 from workflow_runs import snakemake
 
 from fibrous.networks.equilibrium import EquilibriumSolver
@@ -34,6 +36,18 @@ def solver(network) -> EquilibriumSolver:
 def tight_solver(network) -> EquilibriumSolver:
     """Converged to rounding, for comparisons with differences of the stress."""
     return EquilibriumSolver.of(network, FiberLaw(2.5), residual_tolerance=1e-14)
+
+
+@pytest.fixture(scope="session")
+def study(tmp_path_factory) -> Study:
+    """Specimen, networks, fits, surface and a few runs; tests may add runs, and change nothing."""
+    return Study(tmp_path_factory.mktemp("study")).prepare()
+
+
+@pytest.fixture
+def other(study, tmp_path):
+    """Makes a study with a copy of some files of `study`, which a test may change."""
+    return partial(study.with_files, tmp_path)
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ import copy
 import hashlib
 import json
 import shutil
+from pathlib import Path
 from xml.sax.saxutils import escape
 
 import pytest
@@ -16,6 +17,8 @@ from fibrous.__main__ import main
 from fibrous.check import check
 from fibrous.study.configuration import loaded
 from fibrous.study.stages import expected_files, stage_params
+
+COMPANIONS = (".csv", ".vtu", ".feb")
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +39,7 @@ def made(config, tmp_path_factory):
         match path.suffix:
             case ".nc":
                 xr.Dataset(attrs=attributes).to_netcdf(path, engine="h5netcdf")
-            case ".csv":
+            case ".csv" | ".vtu" | ".feb":
                 path.write_text("a\n")
                 attributes["sha256"] = hashlib.sha256(b"a\n").hexdigest()
                 (folder / f"{name}.json").write_text(json.dumps(attributes))
@@ -75,8 +78,28 @@ def test_another_config_makes_its_stage_and_what_follows_stale(config, made):
     )
     later = "stale, made from inputs that the present config or code would make differently"
     assert found["results/tables/surface.nc"] == found["results/figures/figure_5.svg"] == later
-    assert {name.split("/")[1] for name in found} == {"fits", "tables", "figures"}
-    assert not any("figure_3" in name or "figure_7" in name or "convergence" in name for name in found)
+    assert_follow_fits(found)
+    assert not any("figure_3" in name or "figure_7" in name for name in found)
+
+
+def assert_follow_fits(found) -> None:
+    """What fits are behind is found, and nothing else: neither networks nor runs without fitted constants."""
+    assert {name.split("/")[1] for name in found} == {"fits", "tables", "figures", "curves", "tissue"}
+    assert {name.split("/")[3].partition("_")[0] for name in found if "/curves/" in name} == {"refit"}
+    tissue = {Path(name).name for name in found if "/tissue/" in name and name.endswith((".nc", ".vtu", ".feb"))}
+    assert {"hgo.nc", "hgo.vtu", "hgo.feb", "hgo_refit.nc", "hgo_surface.nc", "structure_tensor.nc"} <= tissue
+    assert not {"specimen.nc", "matrix.nc", "matrix.vtu", "affine.nc", "affine.vtu"} & tissue
+
+
+def test_the_matrix_is_behind_every_run_and_model_of_the_tissue(config, made):
+    other = copy.deepcopy(config)
+    other["matrix"]["C1_MPa"] = 0.05
+    found = faults(other, made)
+    for ending in (".nc", ".vtu", ".feb"):
+        assert found[f"results/tissue/families{ending}"] == (
+            "stale, made with matrix.C1_MPa = 0.025 where the config now says 0.05"
+        )
+    assert not any(name.startswith(("results/networks", "results/tissue/specimen")) for name in found)
 
 
 def test_results_made_anew_from_older_inputs_are_seen(config, folder):
@@ -102,15 +125,19 @@ def test_other_code_makes_stale_what_imports_it(config, made, tmp_path, monkeypa
     provenance.code_hash.cache_clear()
     assert found["results/fits/named/large.csv"] == "stale, the sources of fibrous.study.fits have changed"
     assert found["results/tables/table_1.csv"].startswith("stale, made from inputs that")
-    assert {name.split("/")[1] for name in found} == {"fits", "tables", "figures"}
+    assert_follow_fits(found)
 
 
-@pytest.mark.parametrize("ending", [".nc", ".png", ".svg", ".csv", ".csv.json"])
-def test_a_truncated_file_is_unreadable(config, folder, ending):
-    path = next(path for path in sorted((folder / "results").rglob(f"*{ending}")))
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    name = str(path.relative_to(folder)).removesuffix(".json")
-    assert faults(config, folder)[name].startswith("unreadable (")
+def test_truncated_files_are_unreadable(config, folder):
+    endings = [".nc", ".png", ".svg", *COMPANIONS, *(f"{one}.json" for one in COMPANIONS)]
+    # The last of a kind, so that a file and a companion are not the same result's.
+    paths = [sorted((folder / "results").rglob(f"*{ending}"))[-1 if "json" in ending else 0] for ending in endings]
+    for path in paths:
+        path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    found = faults(config, folder)
+    assert set(found) == {str(path.relative_to(folder)).removesuffix(".json") for path in paths}
+    assert len(found) == len(endings)
+    assert all(fault.startswith("unreadable (") for fault in found.values())
 
 
 def test_missing_and_foreign_files_are_named(config, folder):
@@ -121,6 +148,29 @@ def test_missing_and_foreign_files_are_named(config, folder):
         "results/networks/named/00.nc": "missing",
         "results/networks/delaunay/02.nc": "foreign, no stage of this study writes it",
         "results/tables/surface.nc": "foreign, written by fibrous.study.networks",
+    }
+
+
+def test_a_file_must_be_the_one_that_its_companion_tells_of(config, folder):
+    expected = {}
+    for ending in COMPANIONS:
+        changed, alone, missing = sorted((folder / "results").rglob(f"*{ending}"))[:3]
+        changed.write_text("b\n")
+        Path(f"{alone}.json").unlink()
+        missing.unlink()
+        expected |= {changed: "unreadable (not the content", alone: "unreadable (", missing: "missing"}
+    found = faults(config, folder)
+    assert set(found) == {str(path.relative_to(folder)) for path in expected}
+    for path, start in expected.items():
+        assert found[str(path.relative_to(folder))].startswith(start)
+
+
+def test_what_a_failed_run_left_is_named(config, folder):
+    shutil.copy(folder / "results/tissue/hgo.nc", folder / "results/tissue/hgo.failed.nc")
+    shutil.copy(folder / "results/tissue/hgo.vtu", folder / "results/tissue/odd.vtu")
+    assert faults(config, folder) == {
+        "results/tissue/hgo.failed.nc": "the converged part of a run that failed",
+        "results/tissue/odd.vtu": "foreign, no stage of this study writes it",
     }
 
 
@@ -139,7 +189,8 @@ def test_the_command_prints_a_last_line_and_its_exit_code_tells(folder, monkeypa
     own = folder / "own.yaml"
     own.write_text("delaunay: {networks: 20, batches: 2}\n")
     assert main(["check", "--config", str(own)]) == 0
-    assert capsys.readouterr().out.startswith("all 33 files of the study belong")
+    files = sum(path.is_file() and path.suffix != ".json" for path in (folder / "results").rglob("*"))
+    assert capsys.readouterr().out.startswith(f"all {files} files of the study belong")
     own.write_text("delaunay: {networks: 20, batches: 2}\nsurface: {cross_validation_folds: 4}\n")
     assert main(["check", "--config", str(own)]) == 1
     lines = capsys.readouterr().out.splitlines()

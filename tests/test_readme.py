@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import yaml
+from test_workflow_tissue import OWN_TISSUE
 
 from fibrous.study.configuration import DEFAULT
 
@@ -31,9 +32,11 @@ def test_the_diff_is_of_lines_that_the_config_has():
     assert all(f"{line}\n" in DEFAULT.read_text(encoding="utf-8") for line in before)
 
 
-def test_the_config_of_own_networks_is_yaml():
-    (example,) = blocks("yaml")
-    assert set(yaml.safe_load(example)) == {"network", "network_files"}
+def test_the_configs_of_own_networks_and_tissue_are_yaml():
+    """The tests of the workflow run configs of these keys."""
+    networks, tissue = (yaml.safe_load(example) for example in blocks("yaml"))
+    assert set(networks) == {"network", "network_files"}
+    assert tissue == OWN_TISSUE
 
 
 def test_files_that_the_page_links_to_exist():

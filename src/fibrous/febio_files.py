@@ -8,7 +8,6 @@ of the third step, and the log has a block of nodal displacements and reactions 
 
 from __future__ import annotations
 
-import re
 from xml.etree import ElementTree
 
 import numpy as np
@@ -37,8 +36,7 @@ def feb(specimen: Specimen, C1: float, lame_lambda: float, C2: Array, C3: Array)
     eigenvalues, eigenvectors = np.linalg.eigh(specimen.structure_tensor)
     weights, axes = eigenvalues[:, ::-1], eigenvectors[..., ::-1]
     root = ElementTree.Element("febio_spec", version="4.0")
-    # XML allows no two hyphens in a row in a comment, but a user's path may have them.
-    root.append(ElementTree.Comment(f" {re.sub('-+', '-', specimen.origin)}; mm, N, MPa "))
+    root.append(ElementTree.Comment(f" {specimen.caption} "))
     _child(_child(root, "Module", type="solid"), "units", "mm-N-s")
     _control(root, len(specimen.prescribed_displacement))
     _material(root, C1, lame_lambda)

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fibrous.errors import ConvergenceError
 from fibrous.fe.solver import LoadStepError, LoadStepper, Solution
 from fibrous.fitting.hgo import Curves, HGOFit
 from fibrous.networks import homogenization
@@ -35,6 +34,7 @@ class FollowedNetwork:
 class LaggedSolution:
     """Equilibria of the tissue, with C2 (MPa) and C3 of each load step, shape (steps, elements).
 
+    solution : Newton iterations, cuts, linear solvers and attempts are those of all solutions of a step together
     last_changes : largest changes of C2 (MPa) and C3 at each repetition of the last step, shape (repetitions, 2)
     lost_states : (network, step) of the states that found no equilibrium; the fits leave them out
     """
@@ -44,6 +44,14 @@ class LaggedSolution:
     C3: Array
     last_changes: Array
     lost_states: tuple[tuple[int, int], ...]
+
+
+class LaggedStepError(LoadStepError):
+    """A load step was not reached; `found` is what is known of the steps before it, NaN from there on."""
+
+    def __init__(self, step: int, reason: str, found: LaggedSolution) -> None:
+        super().__init__(step, reason, found.solution)
+        self.found = found
 
 
 class LaggedRefit:
@@ -67,53 +75,51 @@ class LaggedRefit:
     def follow(self, targets: Array, C2: Array, C3: Array, repetitions: int) -> LaggedSolution:
         """Equilibria at prescribed values, shape (steps, prescribed), mm, from initial constants, shape (elements,).
 
-        The last step is solved once more after each of `repetitions` fits to its own deformation. Raises LoadStepError
-        with the part before a step that was not reached.
+        The last step is solved once more after each of `repetitions` fits to its own deformation. An element whose
+        network found no equilibrium up to a step keeps the constants it has. Raises LaggedStepError with the part
+        before a step that was not reached.
         """
-        steps = len(targets)
-        states: list[State | None] = [None] * len(self.networks)
-        record = _Record(steps, len(self.networks))
-        parts: list[Solution] = []
-        constants = np.full((2, steps, len(self.networks)), np.nan)
-        changes = []
+        steps, elements = len(targets), len(self.networks)
+        states: list[State | None] = [None] * elements
+        record = _Record(steps, elements)
+        solved: list[list[Solution]] = []
+        constants = np.full((2, steps, elements), np.nan)
+        changes: list[Array] = []
+
+        def found() -> LaggedSolution:
+            lost = tuple((int(k), int(step)) for step, k in np.argwhere(np.isnan(record.energy)))
+            return LaggedSolution(
+                _joined(solved, steps), constants[0], constants[1], np.array(changes).reshape(-1, 2), lost
+            )
+
         start = None
         for step in range(steps):
-            constants[:, step] = C2, C3
-            parts.append(self._solved(targets, step, start, parts, C2, C3))
             before = states
-            states = self._driven(parts[-1], step, before, record)
-            for _ in range(repetitions if step == steps - 1 else 0):
-                C2, C3 = self._fitted(record, step)
-                changes.append(np.abs(np.array([C2, C3]) - constants[:, step]).max(axis=1))
+            solved.append([])
+            for repetition in range(1 + (repetitions if step == steps - 1 else 0)):
+                if step or repetition:
+                    C2, C3 = self._fitted(record, step if repetition else step - 1, C2, C3)
+                if repetition:
+                    changes.append(np.abs(np.array([C2, C3]) - constants[:, step]).max(axis=1))
                 constants[:, step] = C2, C3
-                # From the state before: the path decides, not the guess that came first.
-                parts[-1] = self._solved(targets, step, start, parts[:-1], C2, C3)
-                self._driven(parts[-1], step, before, record)
-            start = parts[-1].displacement[0]
-            C2, C3 = self._fitted(record, step)
-        lost = tuple((int(k), int(step)) for step, k in np.argwhere(np.isnan(record.energy)))
-        return LaggedSolution(_joined(parts, steps), constants[0], constants[1], np.array(changes), lost)
-
-    def _solved(
-        self, targets: Array, step: int, start: Array | None, before: list[Solution], C2: Array, C3: Array
-    ) -> Solution:
-        try:
-            return self.stepper_of(C2, C3).follow(targets[step : step + 1], start)
-        except LoadStepError as error:
-            text = str(error).replace("step 0:", f"step {step}:", 1)
-            raise LoadStepError(text, _joined([*before, error.solution], len(targets))) from None
+                # Again from the step before: the path decides, not the guess that came first.
+                try:
+                    solved[-1].append(self.stepper_of(C2, C3).follow(targets[step : step + 1], start))
+                except LoadStepError as error:
+                    solved[-1].append(error.solution)
+                    raise LaggedStepError(step, error.reason, found()) from None
+                states = self._driven(solved[-1][-1], step, before, record)
+            start = solved[-1][-1].displacement[0]
+        return found()
 
     def _driven(self, part: Solution, step: int, before: list[State | None], record: _Record) -> list[State | None]:
         """States of the networks under their elements' average F; one that is lost waits at the state before."""
         gradients = part.deformation_gradient[0].mean(axis=1)
         states = list(before)
         for k, (network, gradient) in enumerate(zip(self.networks, gradients, strict=True)):
-            try:
-                state = network.solver.equilibrium(gradient, before[k])
-            except ConvergenceError:
-                state = None
+            state = network.solver.equilibrium(gradient, before[k])
             record.gradient[step + 1, k] = gradient
-            if state is None or not state.converged:
+            if not state.converged:
                 record.energy[step + 1, k] = record.stress[step + 1, k] = np.nan
                 continue
             states[k] = state
@@ -122,9 +128,11 @@ class LaggedRefit:
             record.stress[step + 1, k] = homogenization.cauchy_stress(network.solver, state, scale)
         return states
 
-    def _fitted(self, record: _Record, step: int) -> tuple[Array, Array]:
+    def _fitted(self, record: _Record, step: int, C2: Array, C3: Array) -> tuple[Array, Array]:
         fits = [self.fit(record.curve(k, step, network)) for k, network in enumerate(self.networks)]
-        return np.array([fit.C2 for fit in fits]), np.array([fit.C3 for fit in fits])
+        new_C2, new_C3 = (np.array([getattr(fit, name) for fit in fits]) for name in ("C2", "C3"))
+        unknown = np.isnan(new_C2)
+        return np.where(unknown, C2, new_C2), np.where(unknown, C3, new_C3)
 
 
 class _Record:
@@ -142,15 +150,28 @@ class _Record:
         return Curves(gradient, network.structure_tensor, energy, stress)
 
 
-def _joined(parts: Sequence[Solution], steps: int) -> Solution:
-    """One solution of consecutive single steps; those that are missing at its end did not converge."""
+def _joined(solved: Sequence[Sequence[Solution]], steps: int) -> Solution:
+    """One solution from those of single steps, the last of each step counting; steps that are missing did not converge.
+
+    What was spent on a step, and the attempts, are those of all its solutions.
+    """
+    last = [solutions[-1] for solutions in solved]
+    fields = {
+        name: np.concatenate([getattr(part, name) for part in last])
+        for name in ("displacement", "internal_force", "deformation_gradient", "stress", "converged")
+    }
+    for name in ("newton_iterations", "cuts"):
+        fields[name] = np.concatenate([sum(getattr(one, name) for one in solutions) for solutions in solved])
     filling = {"newton_iterations": 0, "cuts": 0, "converged": False}
-    names = ("displacement", "internal_force", "deformation_gradient", "stress", *filling)
     arrays = {}
-    for name in names:
-        known = np.concatenate([getattr(part, name) for part in parts])
+    for name, known in fields.items():
         arrays[name] = np.full((steps, *known.shape[1:]), filling.get(name, np.nan), dtype=known.dtype)
         arrays[name][: len(known)] = known
-    solvers = sum((Counter(part.linear_solvers) for part in parts), Counter())
-    attempts = tuple(replace(one, step=step) for step, part in enumerate(parts) for one in part.attempts)
-    return Solution(**arrays, linear_solvers=dict(solvers), state=parts[-1].state, attempts=attempts)
+    solvers = sum((Counter(one.linear_solvers) for solutions in solved for one in solutions), Counter())
+    attempts = tuple(
+        replace(attempt, step=step)
+        for step, solutions in enumerate(solved)
+        for one in solutions
+        for attempt in one.attempts
+    )
+    return Solution(**arrays, linear_solvers=dict(solvers), state=last[-1].state, attempts=attempts)

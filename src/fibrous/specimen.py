@@ -7,6 +7,7 @@ bone to bone, y along the joint, z through the thickness; lengths are in mm.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,6 +68,11 @@ class Specimen:
                 f"node {fixed[bad[0, 1]]} of the fixed enthesis 1 moves at step {bad[0, 0] + 1}; "
                 "give motions relative to that bone"
             )
+
+    @property
+    def caption(self) -> str:
+        """Origin and units for a comment in a file; no two hyphens in a row, which XML does not allow there."""
+        return f"{re.sub('-+', '-', self.origin)}; mm, N, MPa"
 
     @property
     def prescribed(self) -> PrescribedDisplacement:

@@ -25,6 +25,8 @@ def vtu(
 ) -> bytes:
     """The content of a .vtu file: the mesh in the reference state with the fields of a deformed one.
 
+    A comment near its top says where the specimen comes from.
+
     Points carry the displacement (ParaView's filter *Warp By Vector* shows the deformed body) and the enthesis. Cells
     carry means over their Gauss points: Cauchy stress, Green–Lagrange strain, the maximum shear of both, the
     reference direction of the fibres, and the constants. Tensors have nine components, xx, xy, xz, yx, ….
@@ -55,4 +57,5 @@ def vtu(
     with TemporaryDirectory() as folder:
         path = Path(folder) / "state.vtu"
         grid.write(path)
-        return path.read_bytes()
+        start, grid_tag, rest = path.read_bytes().partition(b"<UnstructuredGrid>")
+    return start + f"<!-- {specimen.caption} -->\n".encode() + grid_tag + rest

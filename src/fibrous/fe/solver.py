@@ -79,11 +79,15 @@ class Solution:
 
 
 class LoadStepError(ConvergenceError):
-    """A target was not reached; `solution` is the part that converged, and holds the attempts."""
+    """A target was not reached; `solution` is the part that converged, and holds the attempts.
 
-    def __init__(self, text: str, solution: Solution) -> None:
-        super().__init__(text)
-        self.solution = solution
+    step : number of the target, from 0; the text counts steps from 1, as files do
+    reason : why it was given up, and what to do
+    """
+
+    def __init__(self, step: int, reason: str, solution: Solution) -> None:
+        super().__init__(f"step {step + 1}: {reason}")
+        self.step, self.reason, self.solution = step, reason, solution
 
 
 @dataclass(frozen=True)
@@ -303,7 +307,8 @@ class Walk:
             record.increment = 0.5 * (end - reached)
             if record.increment < self.stepper.smallest_increment:
                 raise LoadStepError(
-                    f"load step {step + 1}: no equilibrium found beyond {100.0 * reached:.3g} % of its way, with increments "
+                    step,
+                    f"no equilibrium found beyond {100.0 * reached:.3g} % of its way, with increments "
                     f"down to {100.0 * (end - reached):.2g} %: {failure}; prescribe less, or in more steps",
                     self.solution,
                 )

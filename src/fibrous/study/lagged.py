@@ -9,15 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from fibrous import datasets
 from fibrous.errors import DatasetError
-from fibrous.fe.solver import LoadStepError, LoadStepper
+from fibrous.fe.solver import LoadStepper
 from fibrous.fitting.hgo import fit_constants
-from fibrous.hybrid import FollowedNetwork, LaggedRefit
+from fibrous.hybrid import FollowedNetwork, LaggedRefit, LaggedStepError
 from fibrous.study.loading import loaded_networks
 from fibrous.study.solutions import (
     Constants,
-    failed_name,
     fitted_constants,
     read_specimen,
     say,
@@ -30,7 +28,7 @@ from fibrous.study.solutions import (
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
     """Read `specimen`, the initial `fits` and the `networks`; write `tissue` and `vtu`.
 
-    Raises LoadStepError as the rule `tissue` does, DatasetError where an element has no network or no constants.
+    Raises ConvergenceError as the rule `tissue` does, DatasetError where an element has no network or no constants.
     """
     config = params["config"]
     model, matrix = config["model"], config["matrix"]
@@ -52,17 +50,11 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
             **config["fit"],
         ),
     )
-    targets = specimen.prescribed.values
+    failure = None
     try:
-        found = refit.follow(targets, initial.C2, initial.C3, config["iterations_of_last_step"])
-    except LoadStepError as error:
-        kept = failed_name(outputs["tissue"])
-        unknown = np.full((len(targets), len(numbers)), np.nan)
-        dataset = tissue_dataset(specimen, error.solution, unknown, unknown, initial.structure_tensor, matrix)
-        datasets.write(dataset, kept, "tissue", params)
-        raise LoadStepError(
-            f"model {config['run']}: {error} (the converged part is in {kept})", error.solution
-        ) from None
+        found = refit.follow(specimen.prescribed.values, initial.C2, initial.C3, config["iterations_of_last_step"])
+    except LaggedStepError as error:
+        found, failure = error.found, error
     say(found.solution.attempts)
     for network, step in found.lost_states:
         print(
@@ -70,12 +62,8 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
         )
     for C2, C3 in found.last_changes:
         print(f"last step again: C2 changed by up to {C2:.3g} MPa, C3 by up to {C3:.3g}", file=sys.stderr)
-    write_tissue(
-        specimen,
-        tissue_dataset(specimen, found.solution, found.C2, found.C3, initial.structure_tensor, matrix),
-        outputs,
-        params,
-    )
+    dataset = tissue_dataset(specimen, found.solution, found.C2, found.C3, initial.structure_tensor, matrix)
+    write_tissue(specimen, dataset, failure, outputs, params)
 
 
 def _networks(paths: list[Path], wanted: np.ndarray, limits: Mapping[str, Any]) -> list[FollowedNetwork]:

@@ -24,7 +24,7 @@ from fibrous.specimen import Specimen
 from fibrous.study.checkpoint import Checkpoint
 from fibrous.study.loading import fiber_law, scale_of, unpacked
 from fibrous.study.progress import Progress
-from fibrous.study.solutions import failed_name, read_specimen, say, tissue_dataset, write_tissue
+from fibrous.study.solutions import read_specimen, say, tissue_dataset, write_tissue
 
 COUNTS = {"network_iterations": "iterations", "network_cuts": "cuts", "indefinite_hessians": "indefinite"}
 
@@ -42,7 +42,7 @@ class _Kept:
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
     """Read `specimen` and `networks`; write `tissue` and `vtu`. ``params["threads"]`` elements are worked on at a time.
 
-    After every load step a checkpoint is kept beside `tissue`; it is removed in the end. Raises LoadStepError as the
+    After every load step a checkpoint is kept beside `tissue`; it is removed in the end. Raises ConvergenceError as the
     rule `tissue` does, DatasetError where an element has no network.
     """
     config = params["config"]
@@ -74,11 +74,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     say(walk.solution.attempts)
     params = {**params, "cpu_seconds_before": spent}
     dataset = _dataset(specimen, walk, kept, tensor, config, clock)
-    if failure is not None:
-        where = failed_name(outputs["tissue"])
-        datasets.write(dataset, where, "tissue", params)
-        raise LoadStepError(f"model {config['run']}: {failure} (the converged part is in {where})", failure.solution)
-    write_tissue(specimen, dataset, outputs, params)
+    write_tissue(specimen, dataset, failure, outputs, params)
     checkpoint.remove()
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +13,11 @@ import numpy as np
 import xarray as xr
 
 from fibrous import datasets
-from fibrous.errors import DatasetError
+from fibrous.errors import ConvergenceError, DatasetError
 from fibrous.fe.boundary import reaction_force
 from fibrous.fe.fields import cauchy_stress
 from fibrous.fe.mesh import Mesh
-from fibrous.fe.solver import Attempt, Solution
+from fibrous.fe.solver import Attempt, LoadStepError, Solution
 from fibrous.materials.contract import Material
 from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
@@ -98,10 +98,12 @@ def tissue_dataset(
     """
     entheses = [FIXED, MOVED]
     reactions = [reaction_force(solution.internal_force, np.flatnonzero(specimen.enthesis == one)) for one in entheses]
+    with np.errstate(invalid="ignore"):  # steps that did not converge are NaN
+        stress = cauchy_stress(solution.stress, solution.deformation_gradient)
     arrays = {
         "displacement": solution.displacement,
         "deformation_gradient": solution.deformation_gradient,
-        "cauchy_stress": cauchy_stress(solution.stress, solution.deformation_gradient),
+        "cauchy_stress": stress,
         "reaction_force": np.stack(reactions, axis=1),
         "newton_iterations": solution.newton_iterations,
         "cuts": solution.cuts,
@@ -123,16 +125,26 @@ def tissue_dataset(
 
 
 def write_tissue(
-    specimen: Specimen, dataset: xr.Dataset, outputs: Mapping[str, Path], params: Mapping[str, Any]
+    specimen: Specimen,
+    dataset: xr.Dataset,
+    failure: LoadStepError | None,
+    outputs: Mapping[str, Path],
+    params: Mapping[str, Any],
 ) -> None:
-    """Write the solution as `tissue`, and its last state for ParaView as `vtu`; what a failed run left is removed."""
+    """Write the solution as `tissue`, and its last state for ParaView as `vtu`; what a failed run left is removed.
+
+    After a `failure` the dataset is kept beside `tissue` with the ending .failed.nc, and ConvergenceError raised.
+    """
+    kept = outputs["tissue"].with_suffix(".failed.nc")
+    if failure is not None:
+        datasets.write(dataset, kept, "tissue", params)
+        raise ConvergenceError(f"model {params['config']['run']}: {failure} (the converged part is in {kept})")
     last = dataset.isel(step=-1)
     constants = {"C2_MPa": last["C2"].values, "C3": last["C3"].values}
     if np.isnan(constants["C2_MPa"]).all():
         constants = {}
-    shown = replace(specimen, structure_tensor=dataset["structure_tensor"].values)
     content = vtu(
-        shown,
+        specimen,
         last["displacement"].values,
         last["deformation_gradient"].values,
         last["cauchy_stress"].values,
@@ -140,12 +152,7 @@ def write_tissue(
     )
     datasets.write_bytes(content, outputs["vtu"], params)
     datasets.write(dataset, outputs["tissue"], "tissue", params)
-    failed_name(outputs["tissue"]).unlink(missing_ok=True)
-
-
-def failed_name(path: Path) -> Path:
-    """Where the converged part of a run that failed is kept."""
-    return path.with_suffix(".failed.nc")
+    kept.unlink(missing_ok=True)
 
 
 def say(attempts: tuple[Attempt, ...]) -> None:

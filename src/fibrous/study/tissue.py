@@ -19,7 +19,6 @@ from fibrous.specimen import Specimen
 from fibrous.study.loading import fiber_law, scale_of, unpacked
 from fibrous.study.solutions import (
     Constants,
-    failed_name,
     fitted_constants,
     read_specimen,
     say,
@@ -32,8 +31,8 @@ from fibrous.study.solutions import (
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
     """Read `specimen` and what the model needs of `fits`, `surface` and `networks`; write `tissue` and `vtu`.
 
-    Raises LoadStepError where a load step is not reached, after the converged part was kept beside `tissue` with the
-    ending .failed.nc; MaterialError for impossible constants, DatasetError where an element has none.
+    Raises ConvergenceError where a load step is not reached, after the converged part was kept beside `tissue` with
+    the ending .failed.nc; MaterialError for impossible constants, DatasetError where an element has none.
     """
     config = params["config"]
     specimen, networks = read_specimen(inputs["specimen"][0])
@@ -51,11 +50,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     steps = len(solution.converged)
     C2, C3 = (np.tile(values, (steps, 1)) for values in (constants.C2, constants.C3))
     dataset = tissue_dataset(specimen, solution, C2, C3, constants.structure_tensor, config["matrix"])
-    if failure is not None:
-        kept = failed_name(outputs["tissue"])
-        datasets.write(dataset, kept, "tissue", params)
-        raise LoadStepError(f"model {config['run']}: {failure} (the converged part is in {kept})", solution)
-    write_tissue(specimen, dataset, outputs, params)
+    write_tissue(specimen, dataset, failure, outputs, params)
 
 
 def _constants(
