@@ -1,5 +1,7 @@
 """Equilibrium of meshes: patch test, rotation, rate, code-to-code reactions, load steps, units, states, failures."""
 
+from typing import ClassVar
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -210,10 +212,14 @@ class Remembering(NeoHookean):
     """Counts commits: a new state is the old one plus one; refuses F beyond a stretch, like a network without one."""
 
     limit = np.inf
+    trials: ClassVar[list[bool]] = []
 
-    def __call__(self, gradient, state=None):
+    def __call__(self, gradient, state=None, near=None):
         if gradient[..., 0, 0].max() > self.limit:
             raise ConvergenceError("a network found no equilibrium")
+        # What a trial returned comes back in the next one of the same increment, and in no other.
+        assert near is None or (near == state + 1.0).all()
+        self.trials.append(near is not None)
         state.flags.writeable = False  # what is passed in stays as it was
         return *super().__call__(gradient)[:2], state + 1.0
 
@@ -221,12 +227,15 @@ class Remembering(NeoHookean):
 def test_states_advance_once_for_each_converged_increment():
     mesh = distorted_box(3)
     prescribed = stretched_box(mesh, [0.1, 0.2, 0.5])
+    Remembering.trials.clear()
     stepper = LoadStepper.of(mesh, Remembering(0.025, 0.417), prescribed, largest_number_of_iterations=3)
     solution = stepper.follow(prescribed.values, state=np.zeros((27, 8)))
     converged = sum(not attempt.failure for attempt in solution.attempts)
     assert solution.cuts.sum() > 0
     # One for the evaluation at rest, one for each increment that converged, none for those that did not.
     np.testing.assert_array_equal(solution.state, 1.0 + converged)
+    nears = [near for attempt in solution.attempts for near in [False] + [True] * (len(attempt.residuals) - 1)]
+    assert Remembering.trials == [False, *nears]
 
 
 def test_a_material_without_an_answer_cuts_the_increment_and_other_errors_pass():
@@ -239,7 +248,7 @@ def test_a_material_without_an_answer_cuts_the_increment_and_other_errors_pass()
         )
 
     class Broken(NeoHookean):
-        def __call__(self, gradient, state=None):
+        def __call__(self, gradient, state=None, near=None):
             if gradient[..., 0, 0].max() > 1.15:
                 raise RuntimeError("out of memory")
             return super().__call__(gradient, state)

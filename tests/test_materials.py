@@ -1,6 +1,7 @@
 """Materials: stress from energy, tangent from stress, objectivity, rest, units, limits, and constants refused."""
 
 import re
+from collections import namedtuple
 
 import mpmath
 import numpy as np
@@ -241,16 +242,25 @@ def test_sphere_has_the_structure_tensor_asked_for_and_the_total_length():
 
 def test_mixture_passes_states_and_returns_new_ones():
     class Counting:
-        def __call__(self, gradient, state=None):
-            return *NeoHookean(0.025, 0.417)(gradient)[:2], state + 1.0
+        def __call__(self, gradient, state=None, near=None):
+            return *NeoHookean(0.025, 0.417)(gradient)[:2], state + (1.0 if near is None else 0.5 * near)
 
-    states = (None, np.zeros((ELEMENTS, 8)))
-    _, _, new = Mixture((LAWS["families"], Counting()))(np.broadcast_to(np.eye(3), (ELEMENTS, 8, 3, 3)), states)
+    states, law, rest = (None, np.zeros((ELEMENTS, 8))), Mixture((LAWS["families"], Counting())), np.eye(3)
+    _, _, new = law(np.broadcast_to(rest, (ELEMENTS, 8, 3, 3)), states)
     assert new[0] is None
     assert (new[1] == 1.0).all()
     assert (states[1] == 0.0).all()
+    assert (law(np.broadcast_to(rest, (ELEMENTS, 8, 3, 3)), states, new)[2][1] == 0.5).all()
     halves = [select(new, slice(0, 1)), select(new, slice(1, ELEMENTS))]
     np.testing.assert_array_equal(join(halves)[1], new[1])
+
+
+def test_named_states_keep_their_names():
+    Named = namedtuple("Named", "one other")
+    state = Named(np.arange(4.0), np.arange(8.0).reshape(4, 2))
+    halves = [select((None, state), slice(0, 3)), select((None, state), slice(3, 4))]
+    assert halves[1][1].other.tolist() == [[6.0, 7.0]]
+    assert join(halves)[1].one.tolist() == state.one.tolist()
 
 
 def per_element(*values) -> np.ndarray:
