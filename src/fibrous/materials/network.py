@@ -11,12 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fibrous.clock import Clock
 from fibrous.errors import ConvergenceError, NetworkError
 from fibrous.materials.contract import MaterialError, State
 from fibrous.networks import lane_kernels as kernels
@@ -73,6 +74,7 @@ class FiberNetworks:
     threads : elements worked on at a time; results do not depend on it
     residual_tolerance : of every network, as of `EquilibriumSolver`
     first_element : number of the first of these elements, for messages
+    clock : counts CPU seconds as `networks.relaxation.relax` says
 
     Raises MaterialError for a scale or a number of threads out of range.
     """
@@ -84,6 +86,7 @@ class FiberNetworks:
     threads: int = 1
     residual_tolerance: float = EquilibriumSolver.residual_tolerance
     first_element: int = 0
+    clock: Clock = field(default_factory=Clock)
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.scale) and self.scale > 0.0):
@@ -99,11 +102,12 @@ class FiberNetworks:
         scale: float,
         threads: int = 1,
         residual_tolerance: float = EquilibriumSolver.residual_tolerance,
+        clock: Clock | None = None,
     ) -> Self:
         """The material of one network an element."""
         ordered = tuple(OrderedNetwork.of(network) for network in networks)
         rows = 1 + max(len(one.nodes) for one in ordered)
-        return cls(ordered, law, scale, rows, threads, residual_tolerance)
+        return cls(ordered, law, scale, rows, threads, residual_tolerance, clock=clock or Clock())
 
     def of_elements(self, elements: slice) -> Self:
         """The same law for a range of elements."""
@@ -235,7 +239,7 @@ class FiberNetworks:
     def _relax(self, e: int, state: NetworkState, with_rates: bool, least_pivot: float = 0.0) -> Relaxed:
         """Relax an element's networks from u in `state` at its F."""
         F, u, G = state.gradient[e], state.displacement[e], state.rate[e]
-        found = relax(self.networks[e], self.law, self.residual_tolerance, F, u, G, with_rates, least_pivot)
+        found = relax(self.networks[e], self.law, self.residual_tolerance, F, u, G, with_rates, least_pivot, self.clock)
         state.residual[e] = found.residual
         return found
 

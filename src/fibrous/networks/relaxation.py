@@ -17,6 +17,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from fibrous.clock import Clock
 from fibrous.networks import lane_kernels as kernels
 from fibrous.networks.elimination import Elimination, factorize, solve
 from fibrous.networks.equilibrium import LARGEST_MOVE
@@ -39,6 +40,10 @@ TENFOLD = 0.1
 REUSED = 3
 # Least fall of the residual in a step.
 FALL = 0.5
+
+
+#: Parts of the work.
+ASSEMBLY, FACTORISATION, CONDENSATION = "assembly", "factorisation", "condensation"
 
 
 @dataclass(frozen=True)
@@ -100,13 +105,18 @@ def relax(
     G: Single,
     with_rates: bool,
     least_pivot: float = 0.0,
+    clock: Clock | None = None,
 ) -> Relaxed:
     """Bring eight networks to equilibrium, each at its F, shape (3, 3, 8), from predictions of u and G, in place.
 
     u, shape (≥ n + 1, 3, 8), becomes the fluctuation, and G, shape (≥ n + 1, 3, 9, 8), its rate ∂u/∂F where
     `with_rates` says so; else the G given makes the tangent, in which an error of it is squared. Every pivot of a
     Hessian must be more than its share `least_pivot` of the diagonal element that it came from.
+
+    `clock` counts CPU seconds: of forces and Hessians (`assembly`), of the `factorisation` with the solution for a move,
+    and of the `condensation` with the rates.
     """
+    clock = clock or Clock()
     topology, size, count = ordered.topology, len(ordered.nodes), len(ordered.topology.lengths)
     d, stiffness, residual = np.empty((count, 3, LANES)), np.empty((count, 2, LANES)), np.empty((size + 1, 3, LANES))
     factor, sums, slack = np.empty((len(topology.rows), 9, LANES)), np.empty((2, LANES)), np.empty((1, LANES))
@@ -116,7 +126,8 @@ def relax(
     # A trial may leave the range of floats; it is given up for that.
     with np.errstate(all="ignore"):
         while True:
-            kernels.pull(topology, constants, F, u, d, stiffness, residual, sums)
+            with clock.of(ASSEMBLY):
+                kernels.pull(topology, constants, F, u, d, stiffness, residual, sums)
             norm, bound = np.sqrt(sums[0]), np.sqrt(size) * np.maximum(1.0, np.sqrt(sums[1] / count))
             good, shrunk = norm <= tolerance * bound, norm / before
             lost = ~np.isfinite(norm + bound) | (shrunk > FALL) | (steps == MOST_STEPS)
@@ -125,8 +136,10 @@ def relax(
                 status[(status == RUNNING) & good] = CONVERGED
             slow = (shrunk > TENFOLD) | (norm * shrunk**REUSED > tolerance * bound)
             if (status == RUNNING).any() and (not factored or (slow & (status == RUNNING)).any()):
-                kernels.assemble(topology, d, stiffness, factor)
-                factorize(topology.starts, topology.rows, factor, least_pivot, slack)
+                with clock.of(ASSEMBLY):
+                    kernels.assemble(topology, d, stiffness, factor)
+                with clock.of(FACTORISATION):
+                    factorize(topology.starts, topology.rows, factor, least_pivot, slack)
                 factored = True
                 status[(status != STUCK) & ~(slack[0] > 0.0)] = INDEFINITE
                 status[(status == RUNNING) & good] = CONVERGED
@@ -134,17 +147,19 @@ def relax(
             if not running.any():
                 break
             move = residual[:size, :, None].copy()
-            solve(topology.starts, topology.rows, factor, move)
+            with clock.of(FACTORISATION):
+                solve(topology.starts, topology.rows, factor, move)
             move *= running
             u[:size] -= move[:, :, 0]
             status[running & (np.abs(move).max(axis=(0, 1, 2)) > LARGEST_MOVE)] = STUCK
             steps += running
             before = norm
-        if with_rates:
-            right = np.empty((size, 3, 9, LANES))
-            kernels.couple(topology, d, stiffness, right)
-            solve(topology.starts, topology.rows, factor, right)
-            G[:size] = right
-        P, A = np.empty((3, 3, LANES)), np.empty((9, 9, LANES))
-        kernels.condense(topology, d, stiffness, G, P, A)
+        with clock.of(CONDENSATION):
+            if with_rates:
+                right = np.empty((size, 3, 9, LANES))
+                kernels.couple(topology, d, stiffness, right)
+                solve(topology.starts, topology.rows, factor, right)
+                G[:size] = right
+            P, A = np.empty((3, 3, LANES)), np.empty((9, 9, LANES))
+            kernels.condense(topology, d, stiffness, G, P, A)
         return Relaxed(P, A, status, steps, norm / np.maximum(bound, 1e-300))
