@@ -1,6 +1,6 @@
 # The study of one paper, from random fibres to tissue. `snakemake -j2` runs all of it, `snakemake -j2 figure_3` what one
 # figure needs; other targets: networks, curves, fits, table_1, specimen, tissue, case_study, figure_5, figure_6, figure_7,
-# figure_8, figure_specimen.
+# figure_8, figure_specimen, comparison, figure_comparison, figure_9, table_2, microstructure.
 # Which part of the config a stage depends on, and which files it reads and writes: src/fibrous/study/stages.py.
 
 from snakemake.utils import min_version
@@ -23,6 +23,7 @@ include: "workflow/rules/surrogates.smk"
 if config["network"] != "file":
 
     include: "workflow/rules/tissue.smk"
+    include: "workflow/rules/multiscale.smk"
 
     if config["tissue"]["update"] == "lagged":
 

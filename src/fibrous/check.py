@@ -5,16 +5,15 @@ Every result carries the hashes of what made it, so this needs no record of past
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-import xarray as xr
 from PIL import Image
 
+from fibrous.datasets import provenance_of
 from fibrous.errors import DatasetError
 from fibrous.provenance import config_hash
 from fibrous.study.stages import Config, expected_files, stage_params
@@ -74,14 +73,8 @@ def _attributes(path: Path) -> dict[str, Any]:
     Raises DatasetError where there are none, or the content is not whole.
     """
     try:
-        if path.suffix == ".nc":
-            with xr.open_dataset(path, engine="h5netcdf") as dataset:
-                return dict(dataset.attrs)
-        if path.suffix in WITH_COMPANION:
-            companion = json.loads(Path(f"{path}.json").read_text(encoding="utf-8"))
-            if companion["sha256"] != hashlib.sha256(path.read_bytes()).hexdigest():
-                raise DatasetError("not the content that was written")
-            return companion
+        if path.suffix in (".nc", *WITH_COMPANION):
+            return provenance_of(path)
         if path.suffix == ".svg":
             return json.loads(ElementTree.parse(path).findtext(f".//{DESCRIPTION}") or "")
         with Image.open(path) as image:

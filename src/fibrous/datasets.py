@@ -223,6 +223,23 @@ def write_bytes(content: bytes, path: Path, params: Mapping[str, Any]) -> None:
         raise
 
 
+def provenance_of(path: Path) -> dict[str, Any]:
+    """What a NetCDF file, or the companion of another one, says of how it was made.
+
+    Raises DatasetError where it says nothing, or the content is not the one that was written.
+    """
+    try:
+        if path.suffix == ".nc":
+            with xr.open_dataset(path, engine="h5netcdf") as dataset:
+                return dict(dataset.attrs)
+        companion = json.loads(Path(f"{path}.json").read_text(encoding="utf-8"))
+        if companion["sha256"] == hashlib.sha256(path.read_bytes()).hexdigest():
+            return companion
+    except (OSError, ValueError, KeyError, RuntimeError) as error:
+        raise DatasetError(f"{path}: says nothing of how it was made ({_line(error)})") from None
+    raise DatasetError(f"{path}: not the content that was written")
+
+
 def read_table(path: Path, columns: tuple[str, ...]) -> pd.DataFrame:
     """The CSV at `path`. Raises DatasetError where it cannot be read or lacks one of `columns`."""
     try:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import ast
 import hashlib
 import json
+import os
 import platform
 import resource
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -61,7 +63,7 @@ def _is_module(name: str) -> bool:
 
 
 def attributes(params: Mapping[str, Any]) -> dict[str, Any]:
-    """What a result carries: stage, config and its hash, code hash, seed, versions, CPU seconds, peak memory in MB.
+    """Stage, config and its hash, code hash, seed, versions, machine, CPU seconds, peak memory in MB of a result.
 
     `params` holds `stage` (a module of fibrous.study or fibrous.figures), its part of the config as `config`,
     `code_hash`, in a run of the workflow the whole config as `study_config`, which is recorded but not hashed, and as
@@ -78,9 +80,21 @@ def attributes(params: Mapping[str, Any]) -> dict[str, Any]:
         "code_hash": params["code_hash"],
         "seed": config.get("seed", -1),
         "versions": json.dumps({"python": platform.python_version(), **{name: _version(name) for name in RECORDED}}),
+        "machine": machine(),
         "cpu_seconds": cpu_seconds() + params.get("cpu_seconds_before", 0.0),
         "peak_memory_MB": max(own.ru_maxrss, children.ru_maxrss) / kibibytes / 1024,
     }
+
+
+@cache
+def machine() -> str:
+    """Model of the processor and how many of its cores this process may use."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    with suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return f"{line.partition(':')[2].strip()}, {cores} cores"
+    return f"{platform.processor() or platform.machine()}, {cores} cores"
 
 
 def cpu_seconds() -> float:

@@ -27,6 +27,7 @@ wildcard_constraints:
     protocol="|".join(plan.protocols(config)),
     batch="[0-9]+",
     run="|".join(run.name for run in plan.runs(config)),
+    element="[0-9]+",
 
 
 def outputs(stage):

@@ -98,10 +98,10 @@ rule deform_tissue_with_networks:
         unpack(inputs("multiscale")),
     output:
         **outputs("multiscale"),
-    wildcard_constraints:
-        run="|".join(instance["run"] for instance in stages.STAGES["multiscale"].instances(config)) or "none",
     log:
         "logs/tissue/{run}.log",
+    wildcard_constraints:
+        run="|".join(instance["run"] for instance in stages.STAGES["multiscale"].instances(config)) or "none",
     threads: workflow.cores or 1
     resources:
         mem_mb=6000,

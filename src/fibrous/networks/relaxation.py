@@ -113,8 +113,8 @@ def relax(
     `with_rates` says so; else the G given makes the tangent, in which an error of it is squared. Every pivot of a
     Hessian must be more than its share `least_pivot` of the diagonal element that it came from.
 
-    `clock` counts CPU seconds: of forces and Hessians (`assembly`), of the `factorisation` with the solution for a move,
-    and of the `condensation` with the rates.
+    `clock` counts CPU seconds: of forces and Hessians (`assembly`), of the `factorisation` with the solution for a
+    move, and of the `condensation` with the rates.
     """
     clock = clock or Clock()
     topology, size, count = ordered.topology, len(ordered.nodes), len(ordered.topology.lengths)

@@ -43,6 +43,7 @@ def contradictions(config: Config) -> Iterator[str]:
     yield from _specimen(config)
     if config["network"] == "delaunay":
         yield from _tissue(config)
+        yield from _microstructure(config)
 
 
 def _repeated(config: Config) -> Iterator[str]:
@@ -284,6 +285,16 @@ def _tissue(config: Config) -> Iterator[str]:
         models = [model["name"] for model in tissue["models"]]
         if models.count(name) < 2:
             yield f"tissue.models: {name} is the name of a model and of another one's refit"
+
+
+def _microstructure(config: Config) -> Iterator[str]:
+    names, elements = [run.name for run in plan.runs(config)], math.prod(config["synthetic_specimen"]["elements"])
+    for i, name in enumerate(config["microstructure"]["runs"]):
+        if name not in names:
+            yield f"microstructure.runs[{i}] is {name}, must be one of {', '.join(names)}"
+    for i, element in enumerate(config["microstructure"]["elements"]):
+        if config["specimen"] == "synthetic" and element >= elements:
+            yield f"microstructure.elements[{i}] is {element}, must be less than the specimen's {elements} elements"
 
 
 def _model(config: Config, model: Config, path: str) -> Iterator[str]:

@@ -29,6 +29,7 @@ def figure(
     data: Mapping[str, str],
     inputs: Callable[[Config], dict[str, list[str]]],
     config: Callable[[Config], dict[str, Any]],
+    instances: Callable[[Config], list[dict[str, str]]] = once,
 ) -> Stage:
     """The stage of a figure: its module in fibrous.figures has its name."""
     path = f"results/figures/{name}"
@@ -37,7 +38,7 @@ def figure(
         outputs={key: path + ending for key, ending in {"png": ".png", "svg": ".svg", **data}.items()},
         inputs=lambda study, _: inputs(study),
         config=lambda study, _: config(study),
-        instances=once,
+        instances=instances,
     )
 
 

@@ -11,6 +11,7 @@ from itertools import chain
 from typing import Any
 
 from fibrous.provenance import code_hash, config_hash
+from fibrous.study.multiscale_stages import MULTISCALE_STAGES
 from fibrous.study.network_stages import NETWORK_STAGES
 from fibrous.study.plan import Config, Stage, Wildcards
 from fibrous.study.tissue_stages import TISSUE_STAGES
@@ -18,6 +19,7 @@ from fibrous.study.tissue_stages import TISSUE_STAGES
 STAGES: dict[str, Stage] = {
     **NETWORK_STAGES,
     **TISSUE_STAGES,
+    **MULTISCALE_STAGES,
     # Every state of every curve, those along the deformations of the tissue included.
     "convergence": Stage(
         module="fibrous.study.convergence",

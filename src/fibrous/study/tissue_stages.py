@@ -54,11 +54,12 @@ def _tissue_inputs(config: Config, wildcards: Wildcards) -> dict[str, list[str]]
         case "surface":
             found["surface"] = ["results/tables/surface.nc"]
     if run.model["law"] == "affine":
-        found["networks"] = _networks(config)
+        found["networks"] = networks_of_elements(config)
     return found
 
 
-def _networks(config: Config) -> list[str]:
+def networks_of_elements(config: Config) -> list[str]:
+    """Files of the networks of the tissue."""
     return [f"results/networks/tissue/{batch}.nc" for batch in plan.batches(config, "tissue")]
 
 
@@ -78,7 +79,7 @@ def _tissue_config(config: Config, wildcards: Wildcards) -> dict[str, Any]:
 
 def _lagged_inputs(config: Config, _: Wildcards) -> dict[str, list[str]]:
     fits = [f"results/fits/tissue/{config['tissue']['protocol']}.csv"]
-    return {"specimen": [SPECIMEN], "fits": fits, "networks": _networks(config)}
+    return {"specimen": [SPECIMEN], "fits": fits, "networks": networks_of_elements(config)}
 
 
 def _lagged_config(config: Config, wildcards: Wildcards) -> dict[str, Any]:
@@ -97,6 +98,16 @@ def _in_febio(config: Config) -> list[Run]:
     if config["network"] == "file" or not config["tissue"]["tension_only"]:
         return []
     return [run for run in _runs(config, lagged=False) if run.model["law"] == "families"]
+
+
+def runs_config(config: Config) -> dict[str, Any]:
+    """Every run in words for the stages that set them side by side."""
+    return {
+        "runs": [
+            {"name": run.name, "source": run.source, "refits": run.refits, "model": run.model}
+            for run in plan.runs(config)
+        ]
+    }
 
 
 def _case_models(config: Config) -> list[Config]:
@@ -158,7 +169,7 @@ TISSUE_STAGES: dict[str, Stage] = {
     "multiscale": Stage(
         module="fibrous.study.multiscale",
         outputs={"tissue": TISSUE, "vtu": VTU},
-        inputs=lambda config, _: {"specimen": [SPECIMEN], "networks": _networks(config)},
+        inputs=lambda config, _: {"specimen": [SPECIMEN], "networks": networks_of_elements(config)},
         config=lambda config, wildcards: {
             "run": wildcards["run"],
             "model": plan.run_called(config, wildcards["run"]).model,
@@ -179,12 +190,7 @@ TISSUE_STAGES: dict[str, Stage] = {
         module="fibrous.study.tissue_table",
         outputs={"table": "results/tables/tissue.csv"},
         inputs=lambda config, _: {"tissue": [TISSUE.format(run=run.name) for run in plan.runs(config)]},
-        config=lambda config, _: {
-            "runs": [
-                {"name": run.name, "source": run.source, "refits": run.refits, "model": run.model}
-                for run in plan.runs(config)
-            ]
-        },
+        config=lambda config, _: runs_config(config),
         instances=once,
     ),
     "case_study": Stage(

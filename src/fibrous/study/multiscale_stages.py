@@ -1,0 +1,118 @@
+"""Stages that judge the runs of the tissue against the one with networks: errors, Figure 9, Table 2, microstructure."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fibrous.study import plan
+from fibrous.study.network_stages import SPECIMEN, curves_of, figure, once
+from fibrous.study.plan import REFIT, Config, Stage, Wildcards
+from fibrous.study.tissue_stages import TISSUE, networks_of_elements, runs_config
+
+STATES = "results/states/tissue/{run}_{element}.nc"
+
+
+def _judged(config: Config) -> list[dict[str, str]]:
+    """One instance, where there is a run with networks."""
+    return once(config) if plan.reference_run(config) else []
+
+
+def _timed(config: Config) -> list[dict[str, str]]:
+    """One instance, where there is a run with networks and one that is refitted."""
+    return _judged(config) if len(plan.drawn_runs(config)) > 1 else []
+
+
+def _compared(config: Config) -> dict[str, Any]:
+    return {"reference": plan.reference_run(config), **runs_config(config)}
+
+
+def _tissue(*names: str) -> list[str]:
+    return [TISSUE.format(run=name) for name in names]
+
+
+def _table_2_inputs(config: Config, _: Wildcards) -> dict[str, list[str]]:
+    initial, refit = plan.drawn_runs(config)
+    protocol = config["tissue"]["protocol"]
+    # With lagged constants the second run counts its own fits.
+    lagged = plan.is_lagged(config, plan.run_called(config, refit))
+    return {
+        "networks": networks_of_elements(config),
+        "initial": [*curves_of(config, "tissue", protocol), f"results/fits/tissue/{protocol}.csv"],
+        "refit": []
+        if lagged
+        else [*curves_of(config, "tissue", f"{REFIT}{initial}"), f"results/fits/tissue/{REFIT}{initial}.csv"],
+        "hybrid": _tissue(initial, refit),
+        "multiscale": _tissue(*(run.name for run in plan.runs(config) if run.model["law"] == "network")),
+    }
+
+
+def _microstructures(config: Config) -> list[dict[str, str]]:
+    wanted = config["microstructure"]
+    return [
+        {"run": run, "element": str(element)}
+        for run in wanted["runs"]
+        for element in wanted["elements"]
+        if once(config)
+    ]
+
+
+MULTISCALE_STAGES: dict[str, Stage] = {
+    "comparison": Stage(
+        module="fibrous.study.comparison",
+        outputs={"comparison": "results/tables/comparison.csv", "steps": "results/tables/comparison_steps.csv"},
+        inputs=lambda config, _: {"tissue": _tissue(*(run.name for run in plan.runs(config)))},
+        config=lambda config, _: _compared(config),
+        instances=_judged,
+    ),
+    "figure_comparison": figure(
+        "comparison",
+        {"data": ".csv"},
+        inputs=lambda _: {
+            "comparison": ["results/tables/comparison.csv"],
+            "steps": ["results/tables/comparison_steps.csv"],
+        },
+        config=lambda _: {},
+        instances=_judged,
+    ),
+    "figure_9": figure(
+        "figure_9",
+        {"data": ".csv"},
+        inputs=lambda config: {
+            "specimen": [SPECIMEN],
+            "tissue": _tissue(plan.reference_run(config), *plan.drawn_runs(config)),
+        },
+        config=lambda _: {},
+        instances=_timed,
+    ),
+    "table_2": Stage(
+        module="fibrous.study.table_2",
+        outputs={"table_2": "results/tables/table_2.csv", "parts": "results/tables/table_2_parts.csv"},
+        inputs=_table_2_inputs,
+        config=lambda _, __: {},
+        instances=_timed,
+    ),
+    "microstructure": Stage(
+        module="fibrous.study.microstructure",
+        outputs={"states": STATES},
+        inputs=lambda config, wildcards: {
+            "networks": networks_of_elements(config),
+            "specimen": [SPECIMEN],
+            "tissue": _tissue(wildcards["run"]),
+        },
+        config=lambda config, wildcards: {
+            "run": wildcards["run"],
+            "element": int(wildcards["element"]),
+            "equilibrium": config["equilibrium"],
+            "law": plan.run_called(config, wildcards["run"]).model["law"],
+            "matrix": config["matrix"],
+        },
+        instances=_microstructures,
+    ),
+    "figure_microstructure": figure(
+        "microstructure",
+        {"data": ".csv"},
+        inputs=lambda config: {"states": [STATES.format_map(one) for one in _microstructures(config)]},
+        config=lambda _: {},
+        instances=lambda config: [{}] if _microstructures(config) else [],
+    ),
+}

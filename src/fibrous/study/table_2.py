@@ -1,0 +1,77 @@
+"""Rule `table_2`: CPU-hours of the hybrid method and of the multiscale run, beside Table 2."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from fibrous import datasets
+
+# Table 2 as printed, CPU-hours.
+PRINTED = {"initial": 1.12, "refit": 0.34, "hybrid": 0.02, "hybrid_total": 1.48, "multiscale": 2622.69}
+TASKS = {
+    "initial": "initial simulation and fit of the elements' networks",
+    "refit": "simulation and fit of the networks along their elements' deformation",
+    "hybrid": "finite elements, initial and refit",
+}
+MAKING = "making the elements' networks (not in the paper's table)"
+REST = "the rest"
+
+
+def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
+    """Sum up what the processes that wrote the inputs counted of themselves; write `table_2` and `parts`.
+
+    The inputs are `networks`, `initial`, `refit`, `hybrid` and `multiscale`. Raises DatasetError for an unreadable one.
+    """
+    found = {name: [datasets.provenance_of(path) for path in paths] for name, paths in inputs.items()}
+    hours = {name: sum(one["cpu_seconds"] for one in files) / 3600.0 for name, files in found.items()}
+    hybrid = sum(hours[name] for name in TASKS)
+    rows = [_row("both", MAKING, None, hours["networks"], found["networks"])]
+    rows += [_row("hybrid", task, PRINTED[name], hours[name], found[name]) for name, task in TASKS.items()]
+    every = [one for name in TASKS for one in found[name]]
+    rows.append(_row("hybrid", "total", PRINTED["hybrid_total"], hybrid, every))
+    for path, one in zip(inputs["multiscale"], found["multiscale"], strict=True):
+        spent = one["cpu_seconds"] / 3600.0
+        row = _row(path.stem, "finite elements with networks", PRINTED["multiscale"], spent, [one])
+        rows.append({**row, "times_hybrid": spent / hybrid, "times_hybrid_paper": _ratio(row)})
+    datasets.write_table(pd.DataFrame(rows), outputs["table_2"], params)
+    datasets.write_table(pd.DataFrame(_parts(inputs["multiscale"], found["multiscale"])), outputs["parts"], params)
+
+
+def _ratio(row: Mapping[str, Any]) -> float:
+    return row["paper_cpu_hours"] / PRINTED["hybrid_total"]
+
+
+def _row(method: str, task: str, paper: float | None, hours: float, files: list[dict[str, Any]]) -> dict[str, Any]:
+    versions = {json.dumps(json.loads(one["versions"])) for one in files}
+    return {
+        "method": method,
+        "task": task,
+        "paper_cpu_hours": np.nan if paper is None else paper,
+        "cpu_hours": hours,
+        "paper_over_ours": np.nan if paper is None or not hours else paper / hours,
+        "times_hybrid": np.nan,
+        "times_hybrid_paper": np.nan,
+        "processes": len(files),
+        "largest_peak_memory_MB": max((one["peak_memory_MB"] for one in files), default=np.nan),
+        "machine": "; ".join(sorted({str(one["machine"]) for one in files})),
+        "versions": "; ".join(sorted(versions)),
+    }
+
+
+def _parts(paths: list[Path], files: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Where the time of each multiscale run goes."""
+    rows = []
+    for path, one in zip(paths, files, strict=True):
+        parts = json.loads(one["cpu_seconds_of_parts"])
+        parts[REST] = one["cpu_seconds"] - sum(parts.values())
+        rows += [
+            {"run": path.stem, "part": part, "cpu_seconds": seconds, "share": seconds / one["cpu_seconds"]}
+            for part, seconds in parts.items()
+        ]
+    return rows
