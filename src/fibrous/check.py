@@ -16,7 +16,7 @@ from PIL import Image
 from fibrous.datasets import provenance_of
 from fibrous.errors import DatasetError
 from fibrous.provenance import config_hash
-from fibrous.study.stages import Config, expected_files, stage_params
+from fibrous.study.stages import Config, expected_files, possible_files, stage_params
 
 # Files with no place for provenance have it beside them.
 WITH_COMPANION = (".csv", ".vtu", ".feb")
@@ -33,7 +33,12 @@ def check(config: Config, folder: Path) -> tuple[list[str], int]:
 
     Also returns the number of files that the study has. `config` is validated.
     """
-    expected = {Path(path): (stage, wildcards) for path, stage, wildcards in expected_files(config)}
+    wanted = {path for path, _, _ in expected_files(config)}
+    expected = {
+        Path(path): (stage, wildcards)
+        for path, stage, wildcards in possible_files(config)
+        if path in wanted or (folder / path).is_file()
+    }
     lines = []
     for path, (stage, wildcards) in expected.items():
         fault = _fault(folder / path, stage_params(stage, config, wildcards))

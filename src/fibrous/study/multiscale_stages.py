@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from fibrous.study import plan
@@ -107,12 +108,16 @@ MULTISCALE_STAGES: dict[str, Stage] = {
             "matrix": config["matrix"],
         },
         instances=_microstructures,
+        on_demand=True,
     ),
-    "figure_microstructure": figure(
-        "microstructure",
-        {"data": ".csv"},
-        inputs=lambda config: {"states": [STATES.format_map(one) for one in _microstructures(config)]},
-        config=lambda _: {},
-        instances=lambda config: [{}] if _microstructures(config) else [],
+    "figure_microstructure": replace(
+        figure(
+            "microstructure",
+            {"data": ".csv"},
+            inputs=lambda config: {"states": [STATES.format_map(one) for one in _microstructures(config)]},
+            config=lambda _: {},
+            instances=lambda config: [{}] if _microstructures(config) else [],
+        ),
+        on_demand=True,
     ),
 }

@@ -20,13 +20,17 @@ EQ_2 = {"energy": "structure_tensor", "objective": "energy"}
 
 @dataclass(frozen=True)
 class Stage:
-    """One module with its files: patterns of the outputs by name, and functions of config and wildcards."""
+    """One module with its files: patterns of the outputs by name, and functions of config and wildcards.
+
+    What is `on_demand` is made when it is asked for by name, and is no part of the whole study.
+    """
 
     module: str
     outputs: Mapping[str, str]
     inputs: Callable[[Config, Wildcards], dict[str, list[str]]]
     config: Callable[[Config, Wildcards], dict[str, Any]]
     instances: Callable[[Config], list[dict[str, str]]]
+    on_demand: bool = False
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ def stage_params(stage: str, config: Config, wildcards: Wildcards) -> dict[str, 
     The part of the config holds under `upstream` a hash of the params of the stages whose files are read: a result
     whose inputs were made anew with other values is then seen to be old, whatever the files' times say.
     """
-    producers = {path: (name, instance) for path, name, instance in expected_files(config)}
+    producers = {path: (name, instance) for path, name, instance in possible_files(config)}
     return _params(stage, config, wildcards, producers, {})
 
 
@@ -66,7 +66,12 @@ def _params(
 
 
 def expected_files(config: Config) -> Iterator[tuple[str, str, dict[str, str]]]:
-    """Every file of the study with the stage that writes it and that stage's wildcards."""
+    """Every file of the whole study with the stage that writes it and that stage's wildcards."""
+    return (one for one in possible_files(config) if not STAGES[one[1]].on_demand)
+
+
+def possible_files(config: Config) -> Iterator[tuple[str, str, dict[str, str]]]:
+    """The same with the files that are made on demand."""
     for name, stage in STAGES.items():
         for wildcards in stage.instances(config):
             for pattern in stage.outputs.values():
