@@ -30,6 +30,23 @@ def test_lanes_compute_what_arrays_do(rng):
     np.testing.assert_array_equal(single[0], y.astype(np.float32))
 
 
+@njit
+def exponentials(a, result):
+    for m in range(len(a)):
+        store(result, (m,), exponential(load(a, (m,))))
+
+
+def test_exponential_is_exact_to_rounding(rng):
+    a = np.concatenate([rng.uniform(-700, 700, (500, LANES)), rng.uniform(-2, 2, (500, LANES)), np.zeros((1, LANES))])
+    result = np.empty_like(a)
+    exponentials(a, result)
+    np.testing.assert_allclose(result, np.exp(a), rtol=5e-16)
+    assert (result[-1] == 1.0).all()
+    exponentials(np.full((1, LANES), 1e5), result[:1])
+    assert (result[0] > 1e300).all()
+    assert np.isfinite(result[0]).all()
+
+
 def matrices(rng, size: int, pairs: np.ndarray) -> np.ndarray:
     """Random positive definite matrices of 3 × 3 blocks with the pattern of `pairs`, (lanes, size, 3, size, 3)."""
     K = np.zeros((LANES, size, 3, size, 3))

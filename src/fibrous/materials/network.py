@@ -181,6 +181,9 @@ class FiberNetworks:
         new.gradient[...] = F
         new.increment[...] = F - before.gradient
 
+        # At the F of the last equilibrium the answer is that of then, to the bit: a run that goes on needs its bend.
+        still = [near is None and np.array_equal(new.gradient[e], before.gradient[e]) for e in range(len(F))]
+
         def element(e: int) -> None:
             size, u = len(self.networks[e].nodes), new.displacement[e]
             # What starts nearby keeps the rates of there: an error in them enters the tangent squared.
@@ -188,16 +191,23 @@ class FiberNetworks:
             kernels.predict(size, F[e], start.gradient[e], start.displacement[e], start.rate[e], u)
             if near is None:
                 kernels.add_bend(size, F[e], before.gradient[e], before.increment[e], before.bend[e], u)
-            found = self._relax(e, new, near is None)
+            found = self._relax(e, new, near is None and not still[e])
             P[e], A[e], status[e], new.iterations[e] = found.stress, found.tangent, found.status, found.steps
 
         def bend(e: int) -> None:
+            if still[e]:
+                new.increment[e], new.bend[e] = before.increment[e], before.bend[e]
+                return
             here, there = ((one.gradient[e], one.displacement[e], one.rate[e]) for one in (new, before))
             kernels.find_bend(len(self.networks[e].nodes), *here, *there, new.bend[e])
 
         self._over_elements(element)
+        with np.errstate(invalid="ignore"):
+            inverted = ~(np.linalg.det(np.moveaxis(F, -1, 1)) > 0.0)
+        for values in (P, A):
+            np.moveaxis(values, -1, 1)[inverted] = np.nan
         new.indefinite[...] = status == INDEFINITE
-        for e, q in np.argwhere(status != CONVERGED):
+        for e, q in np.argwhere((status != CONVERGED) & ~inverted):
             self._recover(int(e), int(q), before, new, P, A)
         self._over_elements(bend)
         for name in ("iterations", "cuts", "indefinite"):

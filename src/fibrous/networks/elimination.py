@@ -97,7 +97,7 @@ def _filled(first: NDArray[np.int64], neighbors: NDArray[np.int64]) -> tuple[Ind
     return starts, rows
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def factorize(starts: Index, rows: Index, blocks: Array, least_pivot: float, slack: Array) -> None:
     """Cholesky factors in place of matrices, (blocks, 9, lanes); `slack`, (1, lanes), is above 0 where they exist.
 
@@ -168,7 +168,7 @@ def factorize(starts: Index, rows: Index, blocks: Array, least_pivot: float, sla
     store(slack, (0,), room)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def solve(starts: Index, rows: Index, factor: Array, right: Array) -> None:
     """Solve in place for m right sides, (n, 3, m, lanes), with the factor of `factorize`."""
     size, many = len(starts) - 1, right.shape[2]

@@ -7,6 +7,7 @@ lane, and a lane's bits do not depend on what the others hold.
 
 from __future__ import annotations
 
+import math
 import operator
 from collections.abc import Callable
 from typing import Any
@@ -21,6 +22,12 @@ LANES = 8
 # Rounding of a product may be left out where a sum follows.
 _FLAGS = ("contract",)
 _VECTOR = ir.VectorType(ir.DoubleType(), LANES)
+
+# Range of the exponential, ln 2 in two parts, of which the first has zeros for its last bits so that a multiple of it
+# is exact, and the terms of its series, of which the next would be less than rounding.
+LARGEST_EXPONENT = 708.0
+LN_2 = (0.693147180369123816490, 1.90821492927058770002e-10)
+TERMS = 13
 
 
 class LanesType(types.Type):
@@ -156,12 +163,44 @@ def _of_llvm(name: str) -> Any:
     return function
 
 
+def _constant(number: float) -> Any:
+    return ir.Constant(_VECTOR, [number] * LANES)
+
+
+@intrinsic
+def _exponential(typing_context: Any, one: Any) -> Any:
+    """exp(x) = 2^k exp(r) with x = k ln 2 + r, |r| ≤ ln(2)/2, and the Taylor polynomial of exp(r).
+
+    The mathematical library's function would be called for one number after the other.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        bits, width = ir.VectorType(ir.IntType(64), LANES), [52] * LANES
+        x = values[0]
+        for limit, order in ((LARGEST_EXPONENT, "<"), (-LARGEST_EXPONENT, ">")):
+            x = builder.select(builder.fcmp_ordered(order, x, _constant(limit)), x, _constant(limit))
+        # Added to so large a number, x/ln 2 is rounded to k, which then stands in the last bits.
+        shifted = builder.fadd(builder.fmul(x, _constant(1.0 / math.log(2.0))), _constant(1.5 * 2.0**52))
+        k = builder.fsub(shifted, _constant(1.5 * 2.0**52))
+        for part in LN_2:
+            x = builder.fsub(x, builder.fmul(k, _constant(part), flags=_FLAGS), flags=_FLAGS)
+        series = _constant(1.0 / math.factorial(TERMS))
+        for power in range(TERMS - 1, -1, -1):
+            series = builder.fmul(series, x, flags=_FLAGS)
+            series = builder.fadd(series, _constant(1.0 / math.factorial(power)), flags=_FLAGS)
+        exponent = builder.shl(builder.bitcast(shifted, bits), ir.Constant(bits, width))
+        return builder.bitcast(builder.add(builder.bitcast(series, bits), exponent), _VECTOR)
+
+    return _LANES(one), generate
+
+
 #: ``load(array, index)``: the eight numbers at an index, a tuple, of an array of lanes in single or double precision.
 load: Any = _load
 #: ``store(array, index, value)``: write eight numbers, or one in all lanes, at an index.
 store: Any = _store
 #: ``spread(number)``: a number in all lanes.
 spread: Any = _spread
+#: ``exponential(vector)``; beyond ±`LARGEST_EXPONENT` as at it, where squares leave the range of floats.
+exponential: Any = _exponential
 square_root = _of_llvm("sqrt")
-exponential = _of_llvm("exp")
 magnitude = _of_llvm("fabs")

@@ -1,0 +1,127 @@
+"""What the coupled multiscale simulation costs: a network at every Gauss point of the synthetic specimen.
+
+    python benchmarks/multiscale.py [--elements X Y Z] [--edge CHI_UM] [--steps N] [--threads N] [--growth]
+
+Prints CPU milliseconds of a network iteration in parts (fibres and assembly, factorisation and solution,
+condensation), those of a Gauss point and load step with all that surrounds them, network and macroscopic iterations,
+and the minutes that 900 hexahedra in 20 steps would take at that. With ``--growth`` the same for 112, 900 and 3,000
+hexahedra with small networks instead: the time of a Gauss point and step must not grow.
+"""
+
+import argparse
+import os
+import platform
+import time
+from collections import defaultdict
+from importlib.metadata import version
+
+os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
+
+import numpy as np
+
+from fibrous.fe.solver import LoadStepper
+from fibrous.materials.mixture import Mixture
+from fibrous.materials.neo_hookean import NeoHookean
+from fibrous.materials.network import FiberNetworks
+from fibrous.networks import lane_kernels, relaxation
+from fibrous.networks.fiber_law import FiberLaw
+from fibrous.networks.generation import delaunay_network, network_seed
+from fibrous.networks.homogenization import stress_scale
+from fibrous.networks.network import total_length
+from fibrous.specimen import FiberField, RigidMotion, Slab, synthetic_specimen
+
+PARTS = {
+    "fibres and assembly": ((lane_kernels, "pull"), (lane_kernels, "assemble")),
+    "factorisation and solution": ((relaxation, "factorize"), (relaxation, "solve")),
+    "condensation": ((lane_kernels, "couple"), (lane_kernels, "condense")),
+}
+PAPER = 900 * 8 * 20
+
+
+class Meter:
+    """CPU seconds and calls of compiled functions, wherever a module calls them; seconds of the calling thread."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = defaultdict(float)
+        self.calls: dict[str, int] = defaultdict(int)
+        for module, name in (place for places in PARTS.values() for place in places):
+            setattr(module, name, self._metered(name, getattr(module, name)))
+
+    def _metered(self, name, function):
+        def metered(*args):
+            start = time.thread_time()
+            try:
+                return function(*args)
+            finally:
+                self.seconds[name] += time.thread_time() - start
+                self.calls[name] += 1
+
+        return metered
+
+
+def run(counts, edge_um: float, steps: int, threads: int, meter: Meter | None = None) -> float:
+    """Follow the specimen, print, and return CPU milliseconds a Gauss point and load step."""
+    specimen = synthetic_specimen(Slab(tuple(counts)), FiberField(), RigidMotion(), steps)
+    length, tolerance = total_length(0.04, edge_um, 0.1), 0.002 if edge_um > 15.0 else 0.01
+    start = time.process_time()
+    networks = [
+        delaunay_network(H, length, network_seed(2021, "tissue", k), tolerance)
+        for k, H in enumerate(specimen.structure_tensor)
+    ]
+    generated = time.process_time() - start
+    fibers = FiberNetworks.of(networks, FiberLaw(2.5), stress_scale(10.0, 0.1, edge_um), threads)
+    stepper = LoadStepper.of(specimen.mesh, Mixture((NeoHookean(0.025, 0.417), fibers)), specimen.prescribed)
+    # Rest and its rates, and all compilation, before the clock starts.
+    stepper.assembly.evaluate(np.zeros_like(specimen.mesh.node_position), None)
+    if meter is not None:
+        meter.seconds.clear()
+        meter.calls.clear()
+    start = time.process_time()
+    solution = stepper.follow(specimen.prescribed.values)
+    seconds = time.process_time() - start
+    state, points = solution.state[1], 8 * len(networks) * steps
+    interior = np.mean([len(network.nodes) for network in fibers.networks])
+    print(
+        f"{len(networks)} hexahedra, {steps} steps, networks of {interior:.0f} interior nodes and "
+        f"{np.mean([len(network.fiber_nodes) for network in networks]):.0f} fibres at {edge_um:g} um; "
+        f"generated in {generated:.1f} s\n"
+        f"  {1e3 * seconds / points:.3f} ms a Gauss point and step; 900 hexahedra in 20 steps: "
+        f"{seconds / points * PAPER / 60.0:.2f} CPU-minutes\n"
+        f"  iterations: {state.iterations.mean() / steps:.2f} a Gauss point and step, macroscopic "
+        f"{solution.newton_iterations.mean():.2f} a step; cuts {state.cuts.sum()}, indefinite Hessians "
+        f"{state.indefinite.sum()}, macroscopic cuts {solution.cuts.sum()}"
+    )
+    if meter is not None:
+        iterations = 8 * meter.calls["pull"]
+        for part, places in PARTS.items():
+            spent = sum(meter.seconds[name] for _, name in places)
+            print(f"  {part}: {1e3 * spent / iterations:.4f} ms a network iteration, {spent / seconds:.0%} of all")
+        factors = meter.calls["factorize"] / meter.calls["pull"]
+        print(f"  all else: {1.0 - sum(meter.seconds.values()) / seconds:.0%}; {factors:.2f} factors an iteration")
+    return 1e3 * seconds / points
+
+
+def main() -> None:
+    """Run and print."""
+    parser = argparse.ArgumentParser(description="Cost of the coupled multiscale simulation.")
+    parser.add_argument("--elements", type=int, nargs=3, default=(6, 7, 1), help="along x, y and z")
+    parser.add_argument("--edge", type=float, default=20.0, help="of the network cube, um")
+    parser.add_argument("--steps", type=int, default=20)
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--growth", action="store_true", help="cost against the number of elements, small networks")
+    chosen = parser.parse_args()
+    if chosen.growth:
+        costs = [run(counts, 8.0, 5, chosen.threads) for counts in ((7, 8, 2), (15, 20, 3), (20, 30, 5))]
+        print(
+            "ms a Gauss point and step over that of 112 hexahedra: " + ", ".join(f"{c / costs[0]:.2f}" for c in costs)
+        )
+    else:
+        run(chosen.elements, chosen.edge, chosen.steps, chosen.threads, Meter())
+    print(
+        f"{platform.processor() or platform.machine()}, Python {platform.python_version()}, "
+        + ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "numba"))
+    )
+
+
+if __name__ == "__main__":
+    main()
