@@ -79,6 +79,11 @@ def test_a_second_run_does_nothing(quick):
         "specimen",
         "tissue",
         "case_study",
+        "comparison",
+        "figure_comparison",
+        "figure_9",
+        "table_2",
+        "microstructure",
     ],
 )
 def test_a_named_target_makes_its_own_files(tmp_path, target):

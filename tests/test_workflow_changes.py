@@ -89,7 +89,7 @@ CHANGES = {
     "named": (lambda: _with("named", 5, H22=0.15), first_hit("networks", ensemble="named")),
     "protocols": (lambda: _with("protocols", 1, steps=10), first_hit("curves", "states", protocol="small")),
     "principal_stretch_limit": (3.4, first_hit("curves", "states")),
-    "equilibrium.residual_tolerance": (1e-8, the_curves),
+    "equilibrium.residual_tolerance": (1e-8, together(the_curves, first_hit("multiscale"))),
     "equilibrium.largest_number_of_iterations": (50, the_curves),
     "equilibrium.largest_number_of_cuts": (5, the_curves),
     # Figures 5 and 6 draw load sets; the tissue takes its constants from one that did not change.
@@ -101,17 +101,18 @@ CHANGES = {
     "fit.slope_fit_below_r_squared": (0.4, first_hit("fits", "refits")),
     "surface.cross_validation_folds": (5, first_hit("surface")),
     **{f"synthetic_specimen.{key}": (value, first_hit("specimen")) for key, value in SYNTHETIC.items()},
-    "matrix.C1_MPa": (0.03, first_hit("tissue")),
-    "matrix.lame_lambda_MPa": (0.4, first_hit("tissue")),
+    "matrix.C1_MPa": (0.03, first_hit("tissue", "multiscale")),
+    "matrix.lame_lambda_MPa": (0.4, first_hit("tissue", "multiscale")),
     "tissue.surface_protocol": ("small", of_runs("hgo_surface")),
     # With the law as printed there is no problem that FEBio could be given.
     "tissue.tension_only": (False, lambda: as_printed() - files_of(quick_config(), "febio")),
-    "tissue.linear_solver": ("direct", first_hit("tissue")),
+    "tissue.linear_solver": ("direct", first_hit("tissue", "multiscale")),
 }
 # Which networks, protocols and models there are, and whose, is the subject of tests of their own.
 OF_THEIR_OWN = {
     "network", "network_files", "delaunay.networks", "delaunay.batches", "specimen", "specimen_files", "tissue.batches",
     "tissue.protocol", "tissue.load_set", "tissue.update", "tissue.refit_rounds", "tissue.models",
+    "microstructure.runs", "microstructure.elements",
 }  # fmt: skip
 
 
