@@ -359,7 +359,7 @@ MUTATIONS = [
     ),
     Mutation(
         "nodes of the deformed specimen",
-        "figures/specimen.py",
+        "figures/deformed.py",
         'specimen["node_position"].values + last["displacement"].values',
         'specimen["node_position"].values - last["displacement"].values',
         "test_tissue_figures.py",
