@@ -364,6 +364,55 @@ MUTATIONS = [
         'specimen["node_position"].values - last["displacement"].values',
         "test_tissue_figures.py",
     ),
+    Mutation(
+        "law less coupled simulation",
+        "comparison.py",
+        "(values - reference, reference)",
+        "(values + reference, reference)",
+        "test_comparison.py",
+    ),
+    Mutation(
+        "elements that count as peaks",
+        "comparison.py",
+        "np.argsort(-one, kind",
+        "np.argsort(one, kind",
+        "test_comparison.py",
+    ),
+    Mutation(
+        "step at which a run in other steps is compared",
+        "study/comparison.py",
+        "if same else [-1]",
+        "if same else [0]",
+        "test_comparison.py",
+    ),
+    Mutation(
+        "matrix beside the network",
+        "microstructure.py",
+        "network_stress + of_matrix - tissue_stress",
+        "network_stress - of_matrix - tissue_stress",
+        "test_microstructure.py",
+    ),
+    Mutation(
+        "force of a fibre looked at",
+        "microstructure.py",
+        "fiber_modulus_MPa * solver.assembly",
+        "-fiber_modulus_MPa * solver.assembly",
+        "test_microstructure.py",
+    ),
+    Mutation(
+        "error maps",
+        "figures/figure_9.py",
+        "one.elements[name] - reference.elements[name]",
+        "reference.elements[name] - one.elements[name]",
+        "test_comparison_figures.py",
+    ),
+    Mutation(
+        "red for more, blue for less",
+        "figures/figure_9.py",
+        "Normalize(-largest, largest)",
+        "Normalize(largest, -largest)",
+        "test_comparison_figures.py",
+    ),
 ]
 
 

@@ -178,6 +178,7 @@ PLACES = {
     "surface": "tables/surface.nc",
     "specimen": "tissue/specimen.nc",
     "tissue": "tissue/{model}.nc",
+    "microstructure": "states/tissue/{run}_{element}.nc",
 }
 
 

@@ -184,6 +184,11 @@ def stretch_colors(stretch: NDArray[np.float64], largest: float) -> NDArray[np.f
     return _STRETCH_MAP(_stretch_norm(largest)(np.log(stretch)))[:, :3]
 
 
+def stretch_limit(stretch: NDArray[np.float64], share: float) -> float:
+    """The end of the colour scale that holds this share of the fibre stretches, of any shape."""
+    return float(np.exp(np.quantile(np.abs(np.log(stretch)), share)))
+
+
 def stretch_bar(figure: Figure, box: tuple[float, float, float, float], largest: float) -> None:
     """Draw the colour bar of stretch_colors into `box` (left, bottom, width, height, shares of the figure).
 
