@@ -68,16 +68,18 @@ def write_tissue(path: Path, amount: float) -> None:
         "displacement": parts * (position @ SHIFT.T),
         "deformation_gradient": np.eye(3) + (parts * SHIFT)[:, None, None] + noise,
         "cauchy_stress": stress + stress.swapaxes(-1, -2),
-        "reaction_force": np.zeros((STEPS, 2, 3)),
+        "reaction_force": parts**2 * np.array([[-1.0, 0.1, 0.02], [1.0, -0.1, -0.02]]),
         "newton_iterations": np.full(STEPS, 3),
         "cuts": np.zeros(STEPS, dtype=int),
         "converged": np.ones(STEPS, dtype=bool),
+        **dict.fromkeys(("network_iterations", "network_cuts", "indefinite_hessians"), np.zeros(STEPS, dtype=int)),
         "structure_tensor": specimen.structure_tensor,
         "C2": constants[0],
         "C3": constants[1],
     }
     coords = {"step": np.arange(1, STEPS + 1), "enthesis": [1, 2]}
-    write(packed(arrays, TISSUE, coords), path, "tissue", params(0))
+    dataset = packed(arrays, TISSUE, coords).assign_attrs(origin=specimen.origin)
+    write(dataset, path, "tissue", params(0))
 
 
 def write_study(folder: Path) -> dict[str, Path]:

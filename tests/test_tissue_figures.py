@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from fibrous.datasets import read, write
 from fibrous.errors import DatasetError
 from fibrous.fe.mesh import box
-from fibrous.figures import figure_8, specimen, style
+from fibrous.figures import deformed, figure_8, specimen, style
 from fibrous.figures.projection import XY_VIEW
 from fibrous.figures.surface_of_mesh import Surface, common_scale, draw_directions, draw_surface
 from fibrous.specimen import Slab
@@ -42,7 +42,7 @@ def figure(stresses):
 @pytest.fixture(scope="module")
 def runs(study):
     body = read(study["specimen"], "specimen")
-    return body, [specimen.last_step(study[name], body) for name in RUNS]
+    return body, [deformed.last_step(study[name], body) for name in RUNS]
 
 
 def axes_of(figure, letter):
@@ -193,8 +193,8 @@ def test_specimen_draws_rest_and_last_step_in_common_colors(runs, study):
         moved = rest + read(study[name], "tissue")["displacement"].values[-1]
         for letter, position in (("b", rest), ("c", rest), ("d", moved)):
             (faces,) = axes_of(figure, f"{letter}{row}").findobj(PolyCollection)
-            points, depth = specimen.CAMERA.project(position[surface.face_nodes])
-            seen = np.flatnonzero(surface.normals(position) @ specimen.CAMERA.frame[2] > 0.0)
+            points, depth = deformed.CAMERA.project(position[surface.face_nodes])
+            seen = np.flatnonzero(surface.normals(position) @ deformed.CAMERA.frame[2] > 0.0)
             order = seen[np.argsort(depth[seen].mean(axis=1))]
             found = np.array([path.vertices[:4] for path in faces.get_paths()])
             np.testing.assert_allclose(found, points[order], atol=1e-12)
@@ -210,7 +210,7 @@ def test_specimen_shows_its_edges_at_rest_and_says_that_it_is_synthetic(runs):
     figure = specimen.draw(body, drawn)
     outlines = axes_of(figure, "d1").findobj(LineCollection)
     edges = Surface.of(body["element_nodes"].values).sharp_edges(body["node_position"].values)
-    before, _ = specimen.CAMERA.project(body["node_position"].values[edges])
+    before, _ = deformed.CAMERA.project(body["node_position"].values[edges])
     np.testing.assert_allclose(np.array(max(outlines, key=lambda one: one.get_zorder()).get_segments()), before)
     assert "Synthetic specimen" in figure.texts[-1].get_text()
     texts = {text.get_text(): text for text in axes_of(figure, "a").texts}
@@ -221,7 +221,7 @@ def test_a_law_without_constants_has_no_panels_of_them(study, tmp_path):
     body, tissue = read(study["specimen"], "specimen"), read(study["hgo"], "tissue")
     tissue["C2"][:], tissue["C3"][:] = np.nan, np.nan
     write(tissue, tmp_path / "matrix.nc", "tissue", synthetic.params(0))
-    matrix = specimen.last_step(tmp_path / "matrix.nc", body)
+    matrix = deformed.last_step(tmp_path / "matrix.nc", body)
     assert specimen.element_table(body, [matrix])["matrix_C2_MPa"].isna().all()
     letters = [text.get_text() for axes in specimen.draw(body, [matrix]).axes for text in axes.texts]
     assert "d1" in letters
@@ -232,4 +232,4 @@ def test_a_run_of_another_specimen_is_refused(study, tmp_path):
     tissue = read(study["hgo"], "tissue").isel(element=slice(1, None))
     write(tissue, tmp_path / "other.nc", "tissue", synthetic.params(0))
     with pytest.raises(DatasetError, match=r"other\.nc: has 39 elements where the specimen has 40"):
-        specimen.last_step(tmp_path / "other.nc", read(study["specimen"], "specimen"))
+        deformed.last_step(tmp_path / "other.nc", read(study["specimen"], "specimen"))

@@ -135,11 +135,25 @@ TISSUE = {
     "C3": _variable("step element", "f", "1", "fiber nonlinearity of the step, NaN in a law without it"),
 }
 
+MICROSTRUCTURE = {
+    "node_position": _variable("path step node axis", "f", "edge", "position in the deformed state"),
+    "fiber_nodes": _variable("fiber end", "i", "1", "nodes at the fiber's ends"),
+    "fiber_stretch": _variable("path step fiber", "f", "1", "stretch of the fiber"),
+    "fiber_stress": _variable("path step fiber", "f", "MPa", "force of the fiber over its undeformed section (Eq. 6)"),
+    "orientation_tensor": _variable(
+        "path step axis axis_b", "f", "1", "length-weighted orientation tensor h of the deformed fibers"
+    ),
+    "cauchy_stress": _variable("path step axis axis_b", "f", "MPa", "Cauchy stress of the network alone (Eq. 7)"),
+    "deformation_gradient": _variable("path step axis axis_b", "f", "1", "deformation gradient F"),
+    "converged": _variable("path step", "b", "1", "whether the state is a stable equilibrium, else NaN"),
+}
+
 # Coordinates of all kinds: unit and meaning. A coordinate that counts or names has no dimension.
 COORDINATES = {
     "network": ("1", "number of the network in its whole ensemble"),
     "deformation": ("1", "name of the load"),
     "step": ("1", "step of the load; 0 is rest"),
+    "path": ("1", "Gauss point whose F the network follows, or `mean` for the mean over the element's"),
     "enthesis": ("1", "1 is the fixed, 2 the moved enthesis"),
     "protocol": ("1", "name of the protocol"),
     "load_set": ("1", "name of the load set"),
@@ -156,7 +170,8 @@ ATTRIBUTES: dict[str, tuple[str, ...]] = {
         "fiber_modulus_MPa",
         "fiber_nonlinearity",
         "fiber_linear_beyond_stretch",
-    )
+    ),
+    "microstructure": ("element", "network", "edge_length_um", "fiber_radius_um"),
 }
 KINDS: dict[str, dict[str, Variable]] = {
     "networks": NETWORKS,
@@ -165,6 +180,7 @@ KINDS: dict[str, dict[str, Variable]] = {
     "surface": SURFACE,
     "specimen": SPECIMEN,
     "tissue": TISSUE,
+    "microstructure": MICROSTRUCTURE,
 }
 
 

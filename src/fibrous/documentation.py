@@ -60,6 +60,11 @@ _LAW = {
     "energy": ("", "form of the energy that was fitted"),
     "objective": ("", "what was fitted: `energy`, its `slope` in λ_f, or `stress`"),
 }
+# Errors from the coupled simulation, at the last load step in the one table, at every step in the other.
+_SHEAR_STRESS_RELATIVE = ("1", "root mean square error of maximum shear stress over that of the reference itself")
+_SHEAR_STRAIN_RELATIVE = ("1", "root mean square error of maximum shear strain over that of the reference itself")
+_CAUCHY_RELATIVE = ("1", "root mean square error of the Cauchy tensor over that of the reference itself")
+_REACTION_RELATIVE = ("1", "error of the reaction over the size of the reference's own")
 TABLES: dict[str, dict[str, tuple[str, str]]] = {
     "fits/{ensemble}/{protocol}.csv": _FIT,
     "tables/table_1.csv": {
@@ -148,6 +153,45 @@ TABLES: dict[str, dict[str, tuple[str, str]]] = {
         "end_error_MPa": ("MPa", "law less network at the last of these steps; of `all`, the size of the difference"),
         "r_squared": ("1", "coefficient of determination of the fit that gave the constants"),
     },
+    "tables/comparison.csv": {
+        "run": ("", "run of the tissue that is compared with the coupled multiscale simulation, at the last load step"),
+        "specimen": ("", "where the specimen comes from"),
+        "model": ("", "name of its model in the config"),
+        "law": ("", "`families` (Eq. 10C), `structure_tensor` (Eq. 2), `affine`, `matrix` or `network`"),
+        "constants": ("", "`fit` or `surface`; empty where nothing is fitted"),
+        "energy": ("", "form of the energy that was fitted"),
+        "objective": ("", "what was fitted: `energy` or `stress`"),
+        "refits": ("1", "how often its constants were fitted anew"),
+        "load_steps": ("1", "load steps of the run"),
+        "shear_stress_rms_error_MPa": (
+            "MPa",
+            "maximum shear of Cauchy stress, mean over an element's Gauss points: root mean square error over elements",
+        ),
+        "shear_stress_relative_rms_error": _SHEAR_STRESS_RELATIVE,
+        "shear_stress_largest_error_MPa": ("MPa", "largest absolute error of it in an element"),
+        "shear_strain_rms_error": ("1", "the same of maximum shear of Green-Lagrange strain"),
+        "shear_strain_relative_rms_error": _SHEAR_STRAIN_RELATIVE,
+        "shear_strain_largest_error": ("1", "largest absolute error of it in an element"),
+        "cauchy_stress_rms_error_MPa": ("MPa", "root mean square of the error's Frobenius norm over Gauss points"),
+        "cauchy_stress_relative_rms_error": _CAUCHY_RELATIVE,
+        "displacement_rms_error_mm": ("mm", "root mean square of the length of the error over nodes"),
+        "reaction_error_N": ("N", "length of the error of the moved bone's force on the tissue"),
+        "reaction_relative_error": _REACTION_RELATIVE,
+        "shear_stress_peak_overlap": (
+            "1",
+            "share of the reference's top tenth of elements in the run's top tenth; 0.1 by chance",
+        ),
+        "shear_strain_peak_overlap": ("1", "the same of maximum shear strain"),
+        "cpu_seconds": ("s", "CPU time of the process that computed the run"),
+    },
+    "tables/comparison_steps.csv": {
+        "run": ("", "run of the tissue"),
+        "step": ("1", "load step of the reference; a run with another number of steps has its last one alone"),
+        "shear_stress_relative_rms_error": _SHEAR_STRESS_RELATIVE,
+        "shear_strain_relative_rms_error": _SHEAR_STRAIN_RELATIVE,
+        "cauchy_stress_relative_rms_error": _CAUCHY_RELATIVE,
+        "reaction_relative_error": _REACTION_RELATIVE,
+    },
 }
 PLACES = {
     "networks": "networks/{ensemble}/{batch}.nc",
@@ -156,6 +200,7 @@ PLACES = {
     "surface": "tables/surface.nc",
     "specimen": "tissue/specimen.nc",
     "tissue": "tissue/{model}.nc",
+    "microstructure": "states/tissue/{run}_{element}.nc",
 }
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fibrous.comparison import Deviation
 from fibrous.fe.fields import cauchy_stress
 from fibrous.materials.contract import Material
 
@@ -35,17 +36,13 @@ def along_path(material: Material, gradients: Array) -> PathResponse:
 
 
 @dataclass(frozen=True)
-class StressError:
-    """Differences of a stress component from a reference over a path, in MPa but for the ratio.
+class StressError(Deviation):
+    """The deviation of a stress component, in MPa; `end_error` is that at the last step, law less reference.
 
     The whole tensor counts by its Frobenius norm, so that its `end_error` has no sign.
     """
 
-    rms_error: float
-    rms_reference: float
-    relative_rms_error: float  # the ratio of the two; NaN where the reference is zero throughout
-    largest_error: float  # of the absolute differences
-    end_error: float  # at the last step, law less reference
+    end_error: float
 
 
 def stress_errors(stress: Array, reference: Array) -> dict[str, StressError]:
@@ -55,14 +52,11 @@ def stress_errors(stress: Array, reference: Array) -> dict[str, StressError]:
     """
     difference = stress - reference
     errors = {
-        name: _error(difference[:, i, j], reference[:, i, j], difference[-1, i, j])
+        name: _error(Deviation.of(stress[:, i, j], reference[:, i, j]), float(difference[-1, i, j]))
         for name, (i, j) in COMPONENTS.items()
     }
-    size = np.linalg.norm(difference, axis=(1, 2))
-    return {**errors, WHOLE: _error(size, np.linalg.norm(reference, axis=(1, 2)), size[-1])}
+    return {**errors, WHOLE: _error(Deviation.of(stress, reference, 2), float(np.linalg.norm(difference[-1])))}
 
 
-def _error(difference: Array, reference: Array, end: float) -> StressError:
-    rms, of_reference = (float(np.sqrt(np.mean(values * values))) for values in (difference, reference))
-    ratio = rms / of_reference if of_reference > 0.0 else np.nan
-    return StressError(rms, of_reference, ratio, float(np.abs(difference).max()), float(end))
+def _error(deviation: Deviation, end: float) -> StressError:
+    return StressError(**vars(deviation), end_error=end)

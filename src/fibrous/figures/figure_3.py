@@ -18,7 +18,7 @@ from fibrous.datasets import read, write_table
 from fibrous.deformation import Load
 from fibrous.figures import style
 from fibrous.figures.curves import curve_table, draw_load, load_handles, load_numbers, stacked
-from fibrous.figures.projection import Camera, draw_axes_cross, draw_fibers, draw_outline, fit_view
+from fibrous.figures.projection import Camera, draw_axes_cross, draw_edge_length, draw_fibers, draw_outline, fit_view
 
 CAMERA = Camera.looking_from(azimuth_deg=-62.0, elevation_deg=22.0)
 # Share of fibres inside the colour scale; the few beyond it take its end colours.
@@ -70,7 +70,7 @@ def last_state(states: xr.Dataset, load: str) -> int:
 def _draw_networks(figure: Figure, spec: SubplotSpec, states: xr.Dataset, table: pd.DataFrame, letter: str) -> None:
     ends = {load: last_state(states, load) for load in states["deformation"].values.astype(str)}
     stretches = {load: states["fiber_stretch"].sel(deformation=load, step=step).values for load, step in ends.items()}
-    largest = float(np.exp(np.quantile(np.abs(np.log(np.concatenate([*stretches.values()]))), COLORED_SHARE)))
+    largest = style.stretch_limit(np.concatenate([*stretches.values()]), COLORED_SHARE)
     cells = GridSpecFromSubplotSpec(1, len(ends), spec, wspace=0.08)
     for column, (load, step) in enumerate(ends.items()):
         axes = figure.add_subplot(cells[column])
@@ -78,7 +78,7 @@ def _draw_networks(figure: Figure, spec: SubplotSpec, states: xr.Dataset, table:
         fibers = state["node_position"].values[states["fiber_nodes"].values]
         draw_fibers(axes, CAMERA, fibers, style.stretch_colors(stretches[load], largest), width=0.35, fade=0.4)
         corners = draw_outline(axes, CAMERA, state["deformation_gradient"].values)
-        fit_view(axes, np.vstack([corners, _draw_scale(axes, corners)]))
+        fit_view(axes, np.vstack([corners, draw_edge_length(axes, corners)]))
         if letter == "a" and column == 0:
             corner = np.array([axes.get_xlim()[0], axes.get_ylim()[0]])
             draw_axes_cross(axes, CAMERA, corner + 0.1, 0.3)
@@ -91,15 +91,6 @@ def _draw_networks(figure: Figure, spec: SubplotSpec, states: xr.Dataset, table:
             axes.text(0.5, 0.0, note, transform=axes.transAxes, ha="center", va="top", fontsize=6.0)
     box = spec.get_position(figure)
     style.stretch_bar(figure, (0.92, box.y0 + 0.08 * box.height, 0.011, 0.75 * box.height), largest)
-
-
-def _draw_scale(axes: Axes, corners: np.ndarray) -> np.ndarray:
-    """Draw a bar as long as the undeformed cube's edge below the network; returns its ends, shape (2, 2)."""
-    (left, low), (right, high) = corners.min(axis=0), corners.max(axis=0)
-    middle, y = 0.5 * (left + right), low - 0.08 * max(high - low, right - left)
-    bar = np.array([[middle - 0.5, y], [middle + 0.5, y]])
-    axes.plot(*bar.T, color=style.INK, lw=1.2, solid_capstyle="butt")
-    return bar
 
 
 def _draw_eigenvalues(axes: Axes, table: pd.DataFrame) -> None:

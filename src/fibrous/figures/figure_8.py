@@ -19,7 +19,6 @@ NETWORK = "network"
 PANELS = {"a": ("initial", "initial fit"), "b": ("refit", "refit")}
 NORMAL, SHEAR = ("xx", "yy", "zz"), ("xy", "xz", "yz")
 KPA = 1e3  # in MPa
-FORMS = {"structure_tensor": "Eq. 2", "families": "Eq. 10C"}
 MARKER: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 2.6, "mfc": "white", "mec": style.INK, "mew": 0.6}
 COLUMNS = (
     "model", "constants", "law", "energy", "objective", "step", "magnitude", "averaged_stretch",
@@ -105,17 +104,8 @@ def _handles(stresses: pd.DataFrame) -> list[Line2D]:
     numbers = _numbers(stresses)
     for model in stresses.drop_duplicates("model").to_dict("records"):
         if model["model"] != NETWORK:
-            handles.append(Line2D([], [], **style.model_style(numbers[model["model"]]), label=_label(model)))
+            handles.append(Line2D([], [], **style.model_style(numbers[model["model"]]), label=style.law_label(model)))
     return handles
-
-
-def _label(model: Mapping[Any, Any]) -> str:
-    if model["law"] == "affine":
-        return "affine fibres, nothing fitted"
-    fitted = f"{FORMS[model['energy']]} fitted" + (" to stress" if model["objective"] == "stress" else "")
-    if model["law"] != model["energy"]:
-        return f"{fitted}, {FORMS[model['law']]} run"
-    return fitted if model["objective"] == "stress" else f"{fitted} and run"
 
 
 def _note(stresses: pd.DataFrame) -> str:

@@ -81,6 +81,15 @@ def draw_outline(axes: Axes, camera: Camera, gradient: Array) -> Array:
     return points
 
 
+def draw_edge_length(axes: Axes, corners: Array) -> Array:
+    """Draw a bar as long as the undeformed cube's edge below the network; returns its ends, shape (2, 2)."""
+    (left, low), (right, high) = corners.min(axis=0), corners.max(axis=0)
+    middle, y = 0.5 * (left + right), low - 0.08 * max(high - low, right - left)
+    bar = np.array([[middle - 0.5, y], [middle + 0.5, y]])
+    axes.plot(*bar.T, color=INK, lw=1.2, solid_capstyle="butt")
+    return bar
+
+
 def draw_axes_cross(axes: Axes, camera: Camera, origin: Array, length: float) -> None:
     """Draw the axes' directions at `origin`, shape (2,), in the picture, without one that points at the reader."""
     tips, _ = camera.project(np.eye(3) * length)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +17,11 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpecFromSubplotSpec, SubplotSpec
 
 from fibrous.datasets import read, write_table
-from fibrous.deformation import largest_principal_stretch
-from fibrous.errors import DatasetError
-from fibrous.fe.fields import maximum_shear
 from fibrous.figures import style
-from fibrous.figures.projection import Camera, draw_axes_cross, fit_view
+from fibrous.figures.deformed import CAMERA, Run, draw_bar, last_step, show_bodies
+from fibrous.figures.projection import draw_axes_cross, fit_view
 from fibrous.figures.surface_of_mesh import Surface, common_scale, draw_directions, draw_edges, draw_surface
 
-CAMERA = Camera.looking_from(azimuth_deg=-74.0, elevation_deg=50.0)
 # Columns of panels that show each run: letter, column of the table, label of the colours.
 FIELDS = {
     "b": ("C2_MPa", "$C_2$ (MPa)"),
@@ -34,16 +30,6 @@ FIELDS = {
 }
 DEFORMED = "d"
 BONES = {1: "fixed\nbone", 2: "moved\nbone"}
-
-
-@dataclass(frozen=True)
-class Run:
-    """The last load step of one run: node positions, shape (nodes, 3), mm, and numbers of each element by name."""
-
-    name: str
-    step: int
-    position: np.ndarray
-    elements: Mapping[str, np.ndarray]
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
@@ -56,29 +42,6 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     runs = [last_step(path, specimen) for path in inputs["tissue"]]
     write_table(element_table(specimen, runs), outputs["data"], params)
     style.save(draw(specimen, runs), outputs, params)
-
-
-def last_step(path: Path, specimen: xr.Dataset) -> Run:
-    """The last load step of the run in the file at `path`, which is named after the run."""
-    tissue = read(path, "tissue")
-    for name in ("node", "element"):
-        if tissue.sizes[name] != specimen.sizes[name]:
-            raise DatasetError(
-                f"{path}: has {tissue.sizes[name]} {name}s where the specimen has {specimen.sizes[name]}; "
-                "delete it and run again"
-            )
-    last = tissue.isel(step=-1)
-    return Run(
-        path.stem,
-        int(last["step"]),
-        specimen["node_position"].values + last["displacement"].values,
-        {
-            "C2_MPa": last["C2"].values,
-            "C3": last["C3"].values,
-            "largest_principal_stretch": largest_principal_stretch(last["deformation_gradient"].values).mean(axis=1),
-            "maximum_shear_stress_MPa": maximum_shear(last["cauchy_stress"].values).mean(axis=1),
-        },
-    )
 
 
 def element_table(specimen: xr.Dataset, runs: list[Run]) -> pd.DataFrame:
@@ -117,10 +80,10 @@ def draw(specimen: xr.Dataset, runs: list[Run]) -> Figure:
             draw_edges(axes, CAMERA, position, edges, style.INK, width=0.4, order=1)
             if letter == DEFORMED:
                 draw_edges(axes, CAMERA, rest, edges, style.INK, width=0.4, order=3)
-            _fit(axes, [rest, *(other.position for other in runs)])
+            show_bodies(axes, [rest, *(other.position for other in runs)])
             axes.set_title(one.name.replace("_", " "), pad=1.0)
             style.panel_letter(axes, f"{letter}{row + 1}", dx_mm=4.0)
-        _draw_bar(figure, columns[number], colors, label)
+        draw_bar(figure, columns[number].get_position(figure), colors, label)
     note = f"{specimen.attrs['origin'].capitalize()}. a: at rest, lines are the mean directions of fibres. "
     note += f"d: means over the elements at load step {runs[0].step}; lines are the edges at rest."
     figure.text(0.012, 0.01, note, fontsize=6.0)
@@ -145,7 +108,7 @@ def _draw_fibers(figure: Figure, spec: SubplotSpec, specimen: xr.Dataset, surfac
     _name_bones(axes, specimen)
     _draw_scale(axes, rest)
     style.panel_letter(axes, "a", dx_mm=4.0)
-    _draw_bar(figure, spec, colors, "largest eigenvalue of $H$ (1)")
+    draw_bar(figure, spec.get_position(figure), colors, "largest eigenvalue of $H$ (1)")
 
 
 def _name_bones(axes: Axes, specimen: xr.Dataset) -> None:
@@ -182,16 +145,3 @@ def _draw_scale(axes: Axes, rest: np.ndarray) -> None:
 
 def _colors(values: list[np.ndarray]) -> ScalarMappable:
     return ScalarMappable(Normalize(*common_scale(values)), "viridis")
-
-
-def _fit(axes: Axes, positions: list[np.ndarray]) -> None:
-    """Show all of these bodies, each of shape (nodes, 3), so that panels with the same ones share their scale."""
-    points, _ = CAMERA.project(np.concatenate(positions))
-    fit_view(axes, points, margin=0.02)
-
-
-def _draw_bar(figure: Figure, spec: SubplotSpec, colors: ScalarMappable, label: str) -> None:
-    box = spec.get_position(figure)
-    height = figure.get_figheight() / style.MM
-    bar = figure.add_axes((box.x0 + 0.12 * box.width, box.y0 - 3.0 / height, 0.76 * box.width, 1.5 / height))
-    figure.colorbar(colors, cax=bar, orientation="horizontal", label=label)

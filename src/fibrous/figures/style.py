@@ -82,6 +82,9 @@ _LOAD_MARKERS = ("o", "s", "D", "^", "v", "<", "P")
 _MODEL_COLORS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _MODEL_LINES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (5, 1.5, 1, 1.5)), (0, (1.5, 1.2)), (0, (3, 3)), "-.")
 
+_MODEL_MARKERS = ("o", "s", "D", "^", "v", "P")
+_FORMS = {"structure_tensor": "Eq. 2", "families": "Eq. 10C"}
+
 # Blue where a fibre is shorter than at rest, grey at rest (white would vanish on paper), red-brown where it is longer.
 _STRETCH_MAP = LinearSegmentedColormap.from_list(
     "fiber_stretch", ["#08306b", "#2b7bba", "#c9c9c9", "#e06a1b", "#7f1d00"], N=256
@@ -145,6 +148,23 @@ def model_style(number: int) -> dict[str, Any]:
     return {"color": _MODEL_COLORS[number], "ls": _MODEL_LINES[number]}
 
 
+def model_marker(number: int) -> str:
+    """Marker of the law with that number in its table."""
+    return _MODEL_MARKERS[number % len(_MODEL_MARKERS)]
+
+
+def law_label(model: Mapping[Any, Any]) -> str:
+    """What a law is and where its constants come from, by `law`, `constants`, `energy` and `objective` of its table."""
+    if model["law"] in ("matrix", "affine"):
+        return {"matrix": "matrix alone", "affine": "affine fibres, nothing fitted"}[model["law"]]
+    if model["constants"] == "surface":
+        return f"surface of Eq. 11, {_FORMS[model['law']]} run"
+    fitted = f"{_FORMS[model['energy']]} fitted" + (" to stress" if model["objective"] == "stress" else "")
+    if model["law"] != model["energy"]:
+        return f"{fitted}, {_FORMS[model['law']]} run"
+    return fitted if model["objective"] == "stress" else f"{fitted} and run"
+
+
 def fit_style(number: int) -> dict[str, Any]:
     """Line of the fit to the load set with that number: the default one in full, the others broken and paler."""
     return {"color": INK, "ls": (0, (4, 1.5)), "lw": 1.3} if number == 0 else {"color": FAINT, "ls": ":", "lw": 1.3}
@@ -162,6 +182,11 @@ def load_set_label(load_sets: list[dict[str, Any]], number: int) -> str:
 def stretch_colors(stretch: NDArray[np.float64], largest: float) -> NDArray[np.float64]:
     """Red, green and blue of fibre stretches of shape (n,), as an array (n, 3); see stretch_bar for the scale."""
     return _STRETCH_MAP(_stretch_norm(largest)(np.log(stretch)))[:, :3]
+
+
+def stretch_limit(stretch: NDArray[np.float64], share: float) -> float:
+    """The end of the colour scale that holds this share of the fibre stretches, of any shape."""
+    return float(np.exp(np.quantile(np.abs(np.log(stretch)), share)))
 
 
 def stretch_bar(figure: Figure, box: tuple[float, float, float, float], largest: float) -> None:
