@@ -62,7 +62,7 @@ class Meter:
 def run(counts, edge_um: float, steps: int, threads: int, meter: Meter | None = None) -> float:
     """Follow the specimen, print, and return CPU milliseconds a Gauss point and load step."""
     specimen = synthetic_specimen(Slab(tuple(counts)), FiberField(), RigidMotion(), steps)
-    length, tolerance = total_length(0.04, edge_um, 0.1), 0.002 if edge_um > 15.0 else 0.01
+    length, tolerance = total_length(0.04, edge_um, 0.1), 0.002 if edge_um > 15.0 else 0.03
     start = time.process_time()
     networks = [
         delaunay_network(H, length, network_seed(2021, "tissue", k), tolerance)

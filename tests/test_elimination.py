@@ -106,11 +106,12 @@ def test_a_matrix_that_is_not_definite_is_told_and_harms_no_other(rng):
     np.testing.assert_array_equal(bad[..., others], good[..., others])
 
 
-def test_a_pivot_that_is_rounding_is_told():
+@pytest.mark.parametrize("entries", [[1, 3], [2, 6], [5, 7]])
+def test_a_pivot_that_is_rounding_is_told(entries):
     elimination = Elimination.of(1, np.empty((0, 2), dtype=np.int64))
     blocks, slack = np.zeros((1, 9, LANES)), np.empty((1, LANES))
     blocks[0, [0, 4, 8]] = 2.0
-    blocks[0, [1, 3]] = 2.0 - 1e-14
+    blocks[0, entries] = 2.0 - 1e-14
     for least_pivot, definite in ((0.0, True), (1e-12, False)):
         factor = blocks.copy()
         factorize(elimination.starts, elimination.rows, factor, least_pivot, slack)
