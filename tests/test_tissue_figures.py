@@ -18,7 +18,7 @@ from fibrous.errors import DatasetError
 from fibrous.fe.mesh import box
 from fibrous.figures import deformed, figure_8, specimen, style
 from fibrous.figures.projection import XY_VIEW
-from fibrous.figures.surface_of_mesh import Surface, common_scale, draw_directions, draw_surface
+from fibrous.figures.surface_of_mesh import Surface, draw_directions, draw_surface
 from fibrous.specimen import Slab
 
 RUNS = list(synthetic_tissue.RUNS)
@@ -162,8 +162,9 @@ def test_directions_lie_on_the_faces_of_their_elements():
     assert np.linalg.norm(end - start) == pytest.approx(0.7 * np.sqrt(0.5))
 
 
-def test_a_common_scale_holds_all_panels_and_no_gaps():
-    assert common_scale([np.array([1.0, np.nan]), np.array([[-2.0, 0.5]])]) == (-2.0, 1.0)
+def test_a_scale_holds_all_panels_but_for_the_largest_hundredth_and_knows_gaps():
+    scale = deformed.field_scale([np.linspace(0.0, 1.0, 101), np.array([np.nan])])
+    assert (scale.vmin, scale.vmax) == (0.0, 0.99)
 
 
 def test_specimen_table_holds_means_over_gauss_points_at_the_last_step(runs, study):
@@ -199,9 +200,10 @@ def test_specimen_draws_rest_and_last_step_in_common_colors(runs, study):
             found = np.array([path.vertices[:4] for path in faces.get_paths()])
             np.testing.assert_allclose(found, points[order], atol=1e-12)
             column, _ = specimen.FIELDS[letter]
-            low, high = common_scale([one.elements[column] for one in drawn])
+            together = np.sort(np.concatenate([one.elements[column] for one in drawn]))
+            scale = Normalize(together[0], np.percentile(together, 99.0))
             values = drawn[row - 1].elements[column][surface.face_element[order]]
-            expected = ScalarMappable(Normalize(low, high), "viridis").to_rgba(values)
+            expected = ScalarMappable(scale, "viridis").to_rgba(values)
             np.testing.assert_allclose(faces.get_facecolors(), expected)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Bbox
@@ -24,6 +25,9 @@ from fibrous.figures.projection import Camera, fit_view
 
 Array = NDArray[np.float64]
 
+# Share of the elements inside the colour scales. At the corners, where bones end, fields are singular; and constants
+# fitted to a network that is hardly stretched are as large as they please.
+COLORED_SHARE = 0.99
 CAMERA = Camera.looking_from(azimuth_deg=-74.0, elevation_deg=50.0)
 
 
@@ -69,6 +73,12 @@ def show_bodies(axes: Axes, positions: Sequence[Array]) -> None:
     """Show all of these bodies, each of shape (nodes, 3), so that panels with the same ones share their scale."""
     points, _ = CAMERA.project(np.concatenate(positions))
     fit_view(axes, points, margin=0.02)
+
+
+def field_scale(values: Sequence[Array]) -> Normalize:
+    """From the least of the values to one that COLORED_SHARE of them do not pass; none where there is no number."""
+    together = np.concatenate(values)
+    return Normalize(float(np.nanmin(together)), float(np.nanquantile(together, COLORED_SHARE)))
 
 
 def draw_bar(figure: Figure, box: Bbox, colors: ScalarMappable, label: str, beyond: str = "neither") -> None:

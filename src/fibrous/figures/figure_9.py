@@ -18,7 +18,7 @@ from matplotlib.transforms import Bbox
 
 from fibrous.datasets import read, write_table
 from fibrous.figures import style
-from fibrous.figures.deformed import CAMERA, Run, draw_bar, last_step, show_bodies
+from fibrous.figures.deformed import CAMERA, COLORED_SHARE, Run, draw_bar, field_scale, last_step, show_bodies
 from fibrous.figures.surface_of_mesh import Surface, draw_edges, draw_surface
 
 # Rows of panels: column of the table, label of the colours, unit.
@@ -28,8 +28,6 @@ FIELDS = (
 )
 # Columns of panels with the fields themselves; the others show the differences of the last two.
 TITLES = ("multiscale", "initial", "refit")
-# Share of the elements inside the colour scales; at the corners, where bones end, fields are singular.
-COLORED_SHARE = 0.99
 FIELD_MAP, ERROR_MAP = "viridis", "RdBu_r"
 
 
@@ -88,12 +86,6 @@ def draw(specimen: xr.Dataset, runs: list[Run]) -> Figure:
     note += f"{', '.join(one.name for one in runs)}."
     figure.text(0.012, 0.01, note, fontsize=6.0)
     return figure
-
-
-def field_scale(values: list[np.ndarray]) -> Normalize:
-    """From the least of the values to one that COLORED_SHARE of them do not pass."""
-    together = np.concatenate(values)
-    return Normalize(float(together.min()), float(np.quantile(together, COLORED_SHARE)))
 
 
 def error_scale(values: list[np.ndarray]) -> Normalize:

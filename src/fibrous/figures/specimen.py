@@ -18,9 +18,9 @@ from matplotlib.gridspec import GridSpecFromSubplotSpec, SubplotSpec
 
 from fibrous.datasets import read, write_table
 from fibrous.figures import style
-from fibrous.figures.deformed import CAMERA, Run, draw_bar, last_step, show_bodies
+from fibrous.figures.deformed import CAMERA, COLORED_SHARE, Run, draw_bar, field_scale, last_step, show_bodies
 from fibrous.figures.projection import draw_axes_cross, fit_view
-from fibrous.figures.surface_of_mesh import Surface, common_scale, draw_directions, draw_edges, draw_surface
+from fibrous.figures.surface_of_mesh import Surface, draw_directions, draw_edges, draw_surface
 
 # Columns of panels that show each run: letter, column of the table, label of the colours.
 FIELDS = {
@@ -71,7 +71,7 @@ def draw(specimen: xr.Dataset, runs: list[Run]) -> Figure:
     edges = surface.sharp_edges(rest)
     _draw_fibers(figure, columns[0], specimen, surface)
     for number, (letter, (name, label)) in enumerate(shown.items(), start=1):
-        colors = _colors([one.elements[name] for one in runs])
+        colors = ScalarMappable(field_scale([one.elements[name] for one in runs]), "viridis")
         cells = GridSpecFromSubplotSpec(len(runs), 1, columns[number], hspace=0.1)
         for row, one in enumerate(runs):
             axes = figure.add_subplot(cells[row])
@@ -83,9 +83,10 @@ def draw(specimen: xr.Dataset, runs: list[Run]) -> Figure:
             show_bodies(axes, [rest, *(other.position for other in runs)])
             axes.set_title(one.name.replace("_", " "), pad=1.0)
             style.panel_letter(axes, f"{letter}{row + 1}", dx_mm=4.0)
-        draw_bar(figure, columns[number].get_position(figure), colors, label)
+        draw_bar(figure, columns[number].get_position(figure), colors, label, "max")
     note = f"{specimen.attrs['origin'].capitalize()}. a: at rest, lines are the mean directions of fibres. "
-    note += f"d: means over the elements at load step {runs[0].step}; lines are the edges at rest."
+    note += f"d: means over the elements at load step {runs[0].step}; lines are the edges at rest. "
+    note += f"Scales of b to d hold {COLORED_SHARE:.0%} of the elements."
     figure.text(0.012, 0.01, note, fontsize=6.0)
     return figure
 
@@ -101,7 +102,7 @@ def _draw_fibers(figure: Figure, spec: SubplotSpec, specimen: xr.Dataset, surfac
     axes = figure.add_subplot(spec)
     rest = specimen["node_position"].values
     largest = np.linalg.eigvalsh(specimen["structure_tensor"].values)[:, -1]
-    colors = _colors([largest])
+    colors = ScalarMappable(Normalize(float(largest.min()), float(largest.max())), "viridis")
     draw_surface(axes, CAMERA, surface, rest, largest, colors, mesh_width=0.15)
     draw_directions(axes, CAMERA, surface, rest, specimen["fiber_direction"].values, width=0.6)
     draw_edges(axes, CAMERA, rest, surface.sharp_edges(rest), style.INK, width=0.6, order=1)
@@ -141,7 +142,3 @@ def _draw_scale(axes: Axes, rest: np.ndarray) -> None:
     axes.text(start + 0.5 * length, y - 0.02 * (high - low), f"{length:g} mm", ha="center", va="top", fontsize=6.5)
     draw_axes_cross(axes, CAMERA, np.array([left + 0.1 * width, y]), 0.2 * width)
     fit_view(axes, np.array([[left - 0.12 * width, low - 0.25 * (high - low)], [right + 0.12 * width, high]]))
-
-
-def _colors(values: list[np.ndarray]) -> ScalarMappable:
-    return ScalarMappable(Normalize(*common_scale(values)), "viridis")

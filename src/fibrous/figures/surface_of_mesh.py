@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -10,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PolyCollection
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from fibrous.figures.projection import Camera
 from fibrous.figures.style import INK
@@ -121,9 +120,3 @@ def draw_edges(
     lines = LineCollection(list(points), colors=color, linewidths=width, capstyle="round", zorder=order)
     axes.add_collection(lines, autolim=False)
     return lines
-
-
-def common_scale(values: Sequence[ArrayLike]) -> tuple[float, float]:
-    """The least and the largest of all numbers in `values`, so that panels may share their colours."""
-    together = np.concatenate([np.ravel(one) for one in values])
-    return float(np.nanmin(together)), float(np.nanmax(together))
