@@ -131,7 +131,7 @@ def tables():
             errors = {quantity: size * (1 + k) for k, quantity in enumerate(comparison.ERRORS)}
             rows.append({"run": run, "step": step, **errors})
     steps = pd.DataFrame(rows)
-    last = steps[steps["step"] == 3].drop(columns="step")
+    last = steps[steps["step"] == 3].drop(columns="step").assign(specimen="synthetic specimen")
     return ends.merge(last, on="run"), steps
 
 
@@ -170,4 +170,5 @@ def test_each_model_has_its_row_its_look_and_open_marks_before_the_refit():
     assert lines.index(initial) > lines.index(refit)
     assert refit.get_color() == initial.get_color() == below.lines[1].get_color() == below.lines[2].get_color()
     assert len({(line.get_color(), line.get_marker()) for line in below.lines}) == 4
+    assert figure.texts[-1].get_text().startswith("Synthetic specimen.")
     assert figure.texts[-1].get_text().endswith("Not drawn: multiscale one step, at most 4e-08 % off.")

@@ -34,7 +34,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
 
     Writes outputs["data"], a row for each error at each load step, and outputs["png"], outputs["svg"].
     """
-    ends = read_table(inputs["comparison"][0], (*LAW, *ERRORS))
+    ends = read_table(inputs["comparison"][0], (*LAW, "specimen", *ERRORS))
     ends[list(LAW)] = ends[list(LAW)].fillna("")
     steps = read_table(inputs["steps"][0], ("run", "step", *ERRORS))
     write_table(drawn(ends, steps), outputs["data"], params)
@@ -129,12 +129,11 @@ def _handles() -> list[Line2D]:
 
 
 def _note(ends: pd.DataFrame) -> str:
-    note = (
-        "Root mean square of the difference from the coupled simulation as a part of its own: over elements (maximum "
-    )
-    note += "shear), Gauss points (Cauchy stress), or of the one force."
+    origin = str(ends["specimen"].iloc[0]).capitalize()
+    note = f"{origin}. Root mean square of the difference from the coupled simulation as "
+    note += "a part of its own: over elements (maximum shear),\nGauss points (Cauchy stress), or of the one force."
     networks = ends[ends["law"] == NETWORK]
     if len(networks):
         names = ", ".join(str(name).replace("_", " ") for name in networks["run"])
-        note += f"\nNot drawn: {names}, at most {PERCENT * networks[list(ERRORS)].to_numpy().max():.1g} % off."
+        note += f" Not drawn: {names}, at most {PERCENT * networks[list(ERRORS)].to_numpy().max():.1g} % off."
     return note
