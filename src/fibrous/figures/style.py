@@ -200,7 +200,7 @@ def stretch_bar(figure: Figure, box: tuple[float, float, float, float], largest:
         if np.log(tick / ticks[-1]) > 0.25 * np.log(largest) and tick <= largest:
             ticks.append(tick)
     ticks = [1.0 / tick for tick in ticks[:0:-1]] + ticks
-    colors.set_ticks(list(np.log(ticks)), labels=[f"{tick:.2g}" for tick in ticks])
+    colors.set_ticks(list(np.log(ticks)), labels=[f"{tick:.3g}" for tick in ticks])
     colors.set_label("fibre stretch $\\lambda$ (1)")
 
 
