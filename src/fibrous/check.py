@@ -61,7 +61,8 @@ def _fault(path: Path, params: Mapping[str, Any]) -> str:
         found = _attributes(path)
         made_with = json.loads(found["config"])
     except (DatasetError, KeyError, TypeError, ValueError) as error:
-        return f"unreadable ({' '.join(str(error).split())[:120]})"
+        text = " ".join(str(error).removeprefix(f"{path}: ").split())
+        return f"unreadable ({text[:120]})"
     if found.get("stage") != params["stage"]:
         return f"foreign, written by {found.get('stage')}"
     reasons = []
