@@ -20,7 +20,7 @@ from fibrous.fe.assembly import Assembly, Point
 from fibrous.fe.boundary import PrescribedDisplacement
 from fibrous.fe.linear import LinearSolver, Name, linear_solver
 from fibrous.fe.mesh import Mesh
-from fibrous.materials.contract import Material, State
+from fibrous.materials.contract import Material, State, join
 
 Array = NDArray[np.float64]
 
@@ -141,8 +141,8 @@ class LoadStepper:
         components[free] += move.response + (move.bend(before) if before is not None else 0.0)
         near = None
         for _ in range(self.largest_number_of_iterations):
-            point = assembly.evaluate(displacement.copy(), here.state, near)
-            near = point.state
+            point = assembly.evaluate(displacement.copy(), here.states, near)
+            near = point.states
             right = -point.internal_force.reshape(-1)[free]
             size = float(np.linalg.norm(right))
             # Without a free component nothing is out of balance, however small the forces.
@@ -205,12 +205,12 @@ class _Path:
     def follow(self, start: Array | None, state: State) -> Solution:
         assembly = self.stepper.assembly
         nothing = np.zeros((len(assembly.mesh.node_position), 3))
-        here = assembly.evaluate(nothing if start is None else np.asarray(start, dtype=float), state)
+        here = assembly.evaluate(nothing if start is None else np.asarray(start, dtype=float), assembly.split(state))
         increment = 1.0
         for step in range(len(self.targets)):
             here, increment = self._step(here, step, increment)
             self.displacement[step], self.force[step] = here.displacement, here.internal_force
-        return self._solution(len(self.targets), here.state)
+        return self._solution(len(self.targets), here)
 
     def _step(self, here: Point, step: int, increment: float) -> tuple[Point, float]:
         """The equilibrium at a target, and the increment, as a part of a step, to go on with."""
@@ -237,11 +237,11 @@ class _Path:
                 raise LoadStepError(
                     f"step {step}: no equilibrium found beyond {100.0 * reached:.3g} % of its way, with increments "
                     f"down to {100.0 * (end - reached):.2g} %: {failure}; prescribe less, or in more steps",
-                    self._solution(step, here.state),
+                    self._solution(step, here),
                 )
         return here, increment
 
-    def _solution(self, converged: int, state: State) -> Solution:
+    def _solution(self, converged: int, here: Point) -> Solution:
         return Solution(
             self.displacement,
             self.force,
@@ -249,6 +249,6 @@ class _Path:
             self.cuts,
             np.arange(len(self.targets)) < converged,
             dict(self.used),
-            state,
+            join(here.states),
             tuple(self.attempts),
         )
