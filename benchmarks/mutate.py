@@ -339,8 +339,8 @@ MUTATIONS = [
     Mutation(
         "state committed without convergence",
         "fe/solver.py",
-        "point = assembly.evaluate(displacement.copy(), here.state, near)",
-        "point = assembly.evaluate(displacement.copy(), near if residuals else here.state, near)",
+        "point = assembly.evaluate(displacement.copy(), here.states, near)",
+        "point = assembly.evaluate(displacement.copy(), near if residuals else here.states, near)",
         "test_fe_solver.py",
     ),
     Mutation(

@@ -55,11 +55,11 @@ def test_nodal_forces_are_the_derivative_of_the_energy_and_stiffness_of_the_forc
     def energy(displacement):
         return (law.energy(assembly.deformation_gradient(displacement)) * mesh.integration[1]).sum()
 
-    point = assembly.evaluate(u, None)
+    point = assembly.evaluate(u, (None,))
     slope = (energy(u + step * v) - energy(u - step * v)) / (2.0 * step)
     assert (point.internal_force * v).sum() == pytest.approx(slope, rel=1e-8)
 
-    up, down = (assembly.evaluate(u + sign * step * v, None).internal_force.ravel() for sign in (1.0, -1.0))
+    up, down = (assembly.evaluate(u + sign * step * v, (None,)).internal_force.ravel() for sign in (1.0, -1.0))
     change = ((up - down) / (2.0 * step))[assembly.free]
     direction = v.ravel()
     found = point.stiffness @ direction[assembly.free] + point.coupling @ direction[prescribed]
@@ -78,9 +78,10 @@ def test_blocks_change_nothing_and_parameters_stay_with_their_elements(monkeypat
         )
     )
     u = 0.02 * rng.standard_normal(mesh.node_position.shape)
-    whole = Assembly(mesh, law, np.arange(6)).evaluate(u, None)
+    whole = Assembly(mesh, law, np.arange(6)).evaluate(u, (None,))
     monkeypatch.setattr(assembly_module, "BLOCK", 5)
-    blocked = Assembly(mesh, law, np.arange(6)).evaluate(u, None)
+    in_blocks = Assembly(mesh, law, np.arange(6))
+    blocked = in_blocks.evaluate(u, in_blocks.split(None))
     np.testing.assert_allclose(blocked.internal_force, whole.internal_force, atol=1e-15)
     np.testing.assert_allclose(blocked.stiffness.toarray(), whole.stiffness.toarray(), atol=1e-15)
     stress = law(whole_gradient := Assembly(mesh, law, np.arange(6)).deformation_gradient(u))[0]

@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from fibrous.fe.mesh import Mesh
-from fibrous.materials.contract import Material, State, components_last, join, select
+from fibrous.materials.contract import Material, State, components_last, select
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+# States of the blocks, apart: a state may be large, and is joined for those outside alone.
+States = tuple[State, ...]
 
 # Elements worked on at a time: their tangents, 5 kB an element, fit the second-level cache of a core.
 BLOCK = 256
@@ -35,7 +37,7 @@ class Point:
     stiffness : derivative of the free components' forces in the free components, in rising order, N/mm
     coupling : their derivative in the prescribed components, in the order given, N/mm
     stress : first Piola–Kirchhoff stress at the Gauss points, shape (elements, 8, 3, 3), MPa
-    state : of the material
+    states : of the material, one a block
     """
 
     displacement: Array
@@ -44,7 +46,7 @@ class Point:
     stiffness: csr_array
     coupling: csr_array
     stress: Array
-    state: State
+    states: States
 
 
 class Assembly:
@@ -74,31 +76,35 @@ class Assembly:
         self._components = (3 * mesh.element_nodes[:, :, None] + np.arange(3)).ravel()
         self._pattern = _Pattern(mesh, self.free, prescribed)
 
-    def evaluate(self, displacement: Array, state: State, near: State = None) -> Point:
-        """Forces and stiffness at a displacement, shape (nodes, 3), mm, from the state of the last equilibrium.
+    def split(self, state: State) -> States:
+        """The states of the blocks from that of all elements."""
+        return tuple(select(state, block) for block, _ in self._blocks)
 
-        `near` is the state of the trial before, if there was one in this increment.
+    def evaluate(self, displacement: Array, states: States, near: States | None = None) -> Point:
+        """Forces and stiffness at a displacement, shape (nodes, 3), mm, from the states of the last equilibrium.
+
+        `near` are the states of the trial before, if there was one in this increment.
         """
         count = len(self.mesh.element_nodes)
         forces, stiffness, stresses = np.empty((count, 8, 3)), np.empty((count, 8, 72)), np.empty((count, 8, 3, 3))
-        states = []
-        for block, material in self._blocks:
+        nears: States = (None,) * len(self._blocks) if near is None else near
+        found = []
+        for (block, material), own, start in zip(self._blocks, states, nears, strict=True):
             gradients = self._gradients[block]
             weighted = (gradients.reshape(-1, 8, 8, 3) * self._volumes[block, None, :, None]).reshape(-1, 8, 24)
-            gradient = self._deformation_gradient(displacement, block)
-            stress, tangent, new = material(gradient, select(state, block), select(near, block))
+            stress, tangent, new = material(self._deformation_gradient(displacement, block), own, start)
             # f_ai = Σ_q,J V ∂N_a/∂X_J P_iJ and K_aibk = Σ_q,J V ∂N_a/∂X_J (Σ_L A_iJkL ∂N_b/∂X_L)
             np.matmul(weighted, stress.swapaxes(-1, -2).reshape(-1, 24, 3), out=forces[block])
             ordered = tangent.transpose(0, 1, 3, 2, 4, 5).reshape(-1, 8, 27, 3)
             right = gradients.reshape(-1, 8, 8, 3).transpose(0, 2, 3, 1)
             np.matmul(weighted, (ordered @ right).reshape(-1, 24, 72), out=stiffness[block])
             stresses[block] = stress
-            states.append(new)
+            found.append(new)
         internal_force = self._at_nodes(forces)
         free_stiffness, coupling = self._pattern.matrices(stiffness)
         strained = SMALLEST_STRAIN * self._length * float(np.linalg.norm(free_stiffness.diagonal()))
         scale = max(float(np.linalg.norm(self._at_nodes(np.abs(forces)))), strained)
-        return Point(displacement, internal_force, scale, free_stiffness, coupling, stresses, join(states))
+        return Point(displacement, internal_force, scale, free_stiffness, coupling, stresses, tuple(found))
 
     def deformation_gradient(self, displacement: Array) -> Array:
         """F at the Gauss points, shape (elements, 8, 3, 3), for a displacement of shape (nodes, 3), mm."""

@@ -22,7 +22,7 @@ from fibrous.fe.assembly import Assembly, Point
 from fibrous.fe.boundary import PrescribedDisplacement
 from fibrous.fe.linear import LinearSolver, Name, linear_solver
 from fibrous.fe.mesh import Mesh
-from fibrous.materials.contract import Material, State
+from fibrous.materials.contract import Material, State, join
 
 Array = NDArray[np.float64]
 
@@ -159,8 +159,8 @@ class LoadStepper:
         components[free] += move.response + (move.bend(before) if before is not None else 0.0)
         near = None
         for _ in range(self.largest_number_of_iterations):
-            point = assembly.evaluate(displacement.copy(), here.state, near)
-            near = point.state
+            point = assembly.evaluate(displacement.copy(), here.states, near)
+            near = point.states
             right = -point.internal_force.reshape(-1)[free]
             size = float(np.linalg.norm(right))
             # Without a free component nothing is out of balance, however small the forces.
@@ -245,7 +245,8 @@ class Walk:
         gradient, stress = np.full((2, steps, elements, 8, 3, 3), np.nan)
         iterations, cuts = np.zeros((2, steps), dtype=np.int64)
         with _numerics():
-            here = assembly.evaluate(np.zeros((nodes, 3)) if start is None else np.asarray(start, dtype=float), state)
+            origin = np.zeros((nodes, 3)) if start is None else np.asarray(start, dtype=float)
+            here = assembly.evaluate(origin, assembly.split(state))
         return Record(here, None, 1.0, 0, displacement, force, gradient, stress, iterations, cuts, Counter(), [])
 
     @property
@@ -266,7 +267,7 @@ class Walk:
             record.cuts,
             np.arange(len(self.targets)) < record.step,
             dict(record.used),
-            record.here.state,
+            join(record.here.states),
             tuple(record.attempts),
         )
 

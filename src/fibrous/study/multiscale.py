@@ -71,7 +71,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
                 checkpoint.write(kept)
     except LoadStepError as error:
         failure = error
-    say(walk.solution.attempts)
+    say(tuple(walk.record.attempts))
     params = {**params, "cpu_seconds_before": spent}
     dataset = _dataset(specimen, walk, kept, tensor, config, clock)
     write_tissue(specimen, dataset, failure, outputs, params)
@@ -126,8 +126,8 @@ def _targets(specimen: Specimen, config: Mapping[str, Any]) -> np.ndarray:
 
 def _sums(record: Record) -> np.ndarray:
     """Newton iterations, cuts and indefinite Hessians of all networks since rest, shape (3,)."""
-    state: NetworkState = record.here.state[1]
-    return np.array([getattr(state, name).sum() for name in COUNTS.values()])
+    networks: list[NetworkState] = [fibers for _, fibers in record.here.states]
+    return np.array([sum(getattr(state, name).sum() for state in networks) for name in COUNTS.values()])
 
 
 def _dataset(
