@@ -150,7 +150,7 @@ def test_every_key_of_the_default_config_is_in_the_schema_and_the_other_way_roun
 
 
 OPTIONAL = {"nodes", "fibers", "file", "magnitude", "deformation_gradient", "mesh", "motion"}
-OPTIONAL |= {"constants", "energy", "objective", "refit"}
+OPTIONAL |= {"constants", "energy", "objective", "refit", "load_steps"}
 REQUIRED = [path for path, _ in UNIQUE if isinstance(path[-1], str) and path[-1] not in OPTIONAL]
 
 

@@ -114,7 +114,7 @@ def test_each_step_runs_with_what_the_networks_did_before_it(networks, fit):
     # Every step is an equilibrium of the law with that step's constants, and of no other step's.
     for step in range(4):
         assembly = stepper(networks, found.C2[step], found.C3[step]).assembly
-        point = assembly.evaluate(found.solution.displacement[step], None)
+        point = assembly.evaluate(found.solution.displacement[step], assembly.split(None))
         assert np.abs(point.internal_force.ravel()[assembly.free]).max() < 1e-11 * point.force_scale
         np.testing.assert_allclose(point.stress, found.solution.stress[step], rtol=0.0, atol=1e-14)
     assert np.abs(np.diff(found.C2, axis=0)).min() > 1e-4

@@ -58,9 +58,9 @@ def element_table(specimen: xr.Dataset, runs: list[Run]) -> pd.DataFrame:
 @matplotlib.rc_context(style.SHEET)
 def draw(specimen: xr.Dataset, runs: list[Run]) -> Figure:
     """Panel a, the specimen at rest, beside one row of panels for each run."""
-    height = 22.0 + 46.0 * len(runs)
+    height = 25.0 + 46.0 * len(runs)
     figure = style.new_figure(style.FULL_WIDTH_MM, height)
-    bottom, top = 16.0 / height, 1.0 - 6.0 / height
+    bottom, top = 19.0 / height, 1.0 - 6.0 / height
     shown = _shown(runs)
     widths = [1.4] + [1.0] * len(shown)
     columns = figure.add_gridspec(
@@ -85,7 +85,7 @@ def draw(specimen: xr.Dataset, runs: list[Run]) -> Figure:
             style.panel_letter(axes, f"{letter}{row + 1}", dx_mm=4.0)
         draw_bar(figure, columns[number].get_position(figure), colors, label, "max")
     note = f"{specimen.attrs['origin'].capitalize()}. a: at rest, lines are the mean directions of fibres. "
-    note += f"d: means over the elements at load step {runs[0].step}; lines are the edges at rest. "
+    note += f"d: means over the elements at load step {runs[0].step}; lines are the edges at rest.\n"
     note += f"Scales of b to d hold {COLORED_SHARE:.0%} of the elements."
     figure.text(0.012, 0.01, note, fontsize=6.0)
     return figure

@@ -200,7 +200,11 @@ def stretch_bar(figure: Figure, box: tuple[float, float, float, float], largest:
         if np.log(tick / ticks[-1]) > 0.25 * np.log(largest) and tick <= largest:
             ticks.append(tick)
     ticks = [1.0 / tick for tick in ticks[:0:-1]] + ticks
-    colors.set_ticks(list(np.log(ticks)), labels=[f"{tick:.3g}" for tick in ticks])
+    # As few digits as tell the ticks apart.
+    labels = next(
+        texts for texts in ([f"{tick:.{n}g}" for tick in ticks] for n in (2, 3, 4)) if len({*texts}) == len(texts)
+    )
+    colors.set_ticks(list(np.log(ticks)), labels=labels)
     colors.set_label("fibre stretch $\\lambda$ (1)")
 
 

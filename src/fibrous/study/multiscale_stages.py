@@ -20,7 +20,7 @@ def _judged(config: Config) -> list[dict[str, str]]:
 
 def _timed(config: Config) -> list[dict[str, str]]:
     """One instance, where there is a run with networks and one that is refitted."""
-    return _judged(config) if len(plan.drawn_runs(config)) > 1 else []
+    return _judged(config) if any(run.refits for run in plan.runs(config)) else []
 
 
 def _compared(config: Config) -> dict[str, Any]:
@@ -48,13 +48,8 @@ def _table_2_inputs(config: Config, _: Wildcards) -> dict[str, list[str]]:
 
 
 def _microstructures(config: Config) -> list[dict[str, str]]:
-    wanted = config["microstructure"]
-    return [
-        {"run": run, "element": str(element)}
-        for run in wanted["runs"]
-        for element in wanted["elements"]
-        if once(config)
-    ]
+    wanted = config["microstructure"] if once(config) else {"runs": [], "elements": []}
+    return [{"run": run, "element": str(element)} for run in wanted["runs"] for element in wanted["elements"]]
 
 
 MULTISCALE_STAGES: dict[str, Stage] = {
