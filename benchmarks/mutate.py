@@ -346,8 +346,8 @@ MUTATIONS = [
     Mutation(
         "growth of increments",
         "fe/solver.py",
-        "min(1.0, 2.0 * increment)",
-        "min(1.0, 1.0 * increment)",
+        "min(1.0, 2.0 * record.increment)",
+        "min(1.0, 1.0 * record.increment)",
         "test_fe_solver.py",
     ),
     Mutation(
@@ -587,6 +587,27 @@ MUTATIONS = [
         "Normalize(-largest, largest)",
         "Normalize(largest, -largest)",
         "test_comparison_figures.py",
+    ),
+    Mutation(
+        "the step that a killed run goes on with",
+        "fe/solver.py",
+        "            record.step += 1\n",
+        "            record.step += 2\n",
+        "test_multiscale_stage.py",
+    ),
+    Mutation(
+        "counts of networks at a step",
+        "study/multiscale.py",
+        "_sums(walk.record) - before",
+        "_sums(walk.record) + before",
+        "test_multiscale_stage.py",
+    ),
+    Mutation(
+        "CPU-hours of the hybrid method",
+        "study/table_2.py",
+        "spent / hybrid",
+        "hybrid / spent",
+        "test_multiscale_stage.py",
     ),
 ]
 

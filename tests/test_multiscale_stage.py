@@ -18,6 +18,7 @@ from fibrous.errors import ConfigError, ConvergenceError
 from fibrous.fe.solver import LoadStepper, Walk
 from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
+from fibrous.materials.network import FiberNetworks
 from fibrous.networks.equilibrium import EquilibriumSolver
 from fibrous.networks.fiber_law import FiberLaw
 from fibrous.networks.response import respond
@@ -55,6 +56,18 @@ def test_every_gauss_point_holds_its_network_in_equilibrium(coupled):
         np.testing.assert_allclose(
             tissue["cauchy_stress"][:, element, point], alone.cauchy_stress[1:] + matrix, rtol=0.0, atol=1e-10
         )
+
+
+def test_counts_are_those_of_the_library_called_by_hand(coupled):
+    specimen, tissue = small_specimen(), coupled.tissue("multiscale")
+    material = Mixture((NeoHookean(0.025, 0.417), FiberNetworks.of(coupled.networks(), FiberLaw(2.5), SCALE)))
+    found = LoadStepper.of(specimen.mesh, material, specimen.prescribed).follow(specimen.prescribed.values)
+    assert found.displacement.tobytes() == tissue["displacement"].values.tobytes()
+    assert found.newton_iterations.tolist() == tissue["newton_iterations"].values.tolist()
+    state = found.state[1]
+    for name, counted in (("network_iterations", "iterations"), ("indefinite_hessians", "indefinite")):
+        assert tissue[name].values.sum() == getattr(state, counted).sum()
+    assert (tissue["network_iterations"].values >= 8 * tissue.sizes["element"]).all()
 
 
 def test_the_forces_of_the_bones_balance_and_the_free_nodes_carry_none(coupled):
