@@ -273,9 +273,11 @@ CONTRADICTIONS = [
     ({"synthetic_specimen": {"thickness_mm": 30.0}}, "synthetic_specimen.thickness_mm is 30, must be less than twice"),
     ({"synthetic_specimen": {"gap_mm": -10.0}}, "synthetic_specimen.gap_mm is -10, which pushes one bone through"),
     (
-        {"synthetic_specimen": {"elements": [2, 2, 2]}},
-        "tissue.batches is 25, must be at most the specimen's 8 elements",
+        {"synthetic_specimen": {"H11": [0.5, 0.85]}},
+        "synthetic_specimen reaches H11 = 0.5 and 0.85 with an H33",
     ),
+    ({"network": "file", "specimen": "file"}, "specimen is file, which says nothing with network: file"),
+    (models({"name": "specimen", "law": "matrix"}), "tissue.models[0].name is specimen, which names a file of another"),
     ({"tissue": {"load_set": "none"}}, "tissue.load_set is none, must be one of section_3_1, section_2_3"),
     ({"tissue": {"load_set": "section_2_3"}}, "tissue.protocol lacks yz_shear, which tissue.load_set = section_2_3"),
     ({"tissue": {"protocol": "none"}}, "tissue.protocol is none, must be one of large, small, section_2_6, eq9"),

@@ -169,6 +169,15 @@ def test_moves_in_other_directions_say_nothing_of_the_bend():
     assert Move(np.array([0.1, 0.0]), np.array([2.0])).bend(Move(np.zeros(2), np.ones(1))) == 0.0
 
 
+@pytest.mark.parametrize("fractions", [[0.25, 0.5, 0.5 + 1e-9, 0.75, 1.0], [1e-8, 1.0], [0.01, 1.0]])
+def test_steps_of_very_different_lengths_need_no_cuts(fractions):
+    """A plateau written to nine digits, or a small step first: the bend of a tiny step says nothing of a long one."""
+    mesh = distorted_box(3)
+    solution = solved(mesh, tissue(), stretched_box(mesh, 0.2 * np.array(fractions)))
+    assert solution.cuts.sum() == 0
+    assert solution.newton_iterations.max() <= 5
+
+
 def test_smooth_paths_need_two_iterations_a_step():
     mesh = distorted_box(3)
     solution = solved(mesh, tissue(), stretched_box(mesh, np.linspace(0.01, 0.2, 20)))

@@ -156,7 +156,7 @@ def test_every_fault_of_a_table_is_named(files):
     refused("element 2 has 2 rows", fibers=pd.concat([fibers, fibers.loc[[2]]]))
     refused("element 2 has H11, H22, H33 .* their sum must be 1", fibers=changed(fibers, 2, "H11", 0.9))
     negative = changed(changed(changed(fibers, 2, "H11", 1.0), 2, "H22", 0.2), 2, "H33", -0.2)
-    refused("element 2 has H11, H22, H33 .* must not be negative", fibers=negative)
+    refused("element 2 has H11, H22, H33 .* must be above 0", fibers=negative)
     nowhere = fibers.assign(**{name: np.where(fibers["element"] == 2, 0.0, fibers[name]) for name in DIRECTION})
     refused("element 2 has a direction of length 0", fibers=nowhere)
     along = fibers.assign(**dict(zip(TRANSVERSE, fibers[DIRECTION].to_numpy().T, strict=True)))

@@ -180,6 +180,29 @@ def test_another_model_leaves_the_others_alone():
     assert not any("networks" in path or "fits/tissue/section_2_6" in path for path in found)
 
 
+FIT = {"constants": "fit", "energy": "families", "objective": "stress"}
+
+
+@pytest.mark.parametrize(
+    ("tissue", "there", "absent"),
+    [
+        ({"models": [{"name": "matrix", "law": "matrix"}]}, "figures/specimen.png", "figures/figure_8.png"),
+        ({"models": [{"name": "nets", "law": "network"}]}, "tissue/nets.nc", "tables/comparison.csv"),
+        (
+            {"models": [{"name": "a", "law": "families", **FIT}, {"name": "nets", "law": "network", "load_steps": 4}]},
+            "tables/comparison.csv",
+            "tables/table_2.csv",
+        ),
+        ({"models": [{"name": "a", "law": "families", **FIT}], "update": "lagged"}, "tissue/a.nc", "tissue/a_refit.nc"),
+    ],
+)
+def test_any_list_of_models_makes_a_study(quick, tissue, there, absent):
+    names = [model["name"] for model in tissue["models"]]
+    found = would_run(quick[0], {"tissue": tissue, "microstructure": {"runs": names}})
+    assert f"results/{there}" in found
+    assert f"results/{absent}" not in found
+
+
 def test_more_rounds_add_runs_and_change_none():
     before = quick_config()
     found = outdated(before, changed(before, refit_rounds=2))

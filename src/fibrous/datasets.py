@@ -127,9 +127,11 @@ TISSUE = {
     "newton_iterations": _variable("step", "i", "1", "Newton iterations spent on the step"),
     "cuts": _variable("step", "i", "1", "times an increment of the step was halved"),
     "converged": _variable("step", "b", "1", "whether the step's displacement was reached in equilibrium"),
-    "network_iterations": _variable("step", "i", "1", "Newton iterations of all networks; 0 in a law without networks"),
-    "network_cuts": _variable("step", "i", "1", "times the way of a network was halved"),
-    "indefinite_hessians": _variable("step", "i", "1", "Hessians of networks met that were not positive definite"),
+    "network_iterations": _variable(
+        "step", "i", "1", "Newton iterations of all networks in the increments that converged; 0 in laws without them"
+    ),
+    "network_cuts": _variable("step", "i", "1", "times the way of a network was halved there"),
+    "indefinite_hessians": _variable("step", "i", "1", "Hessians of networks met there that were indefinite"),
     "structure_tensor": _variable("element axis axis_b", "f", "1", "structure tensor H of the element's fibers"),
     "C2": _variable("step element", "f", "MPa", "fiber modulus of the step, NaN in a law without it"),
     "C3": _variable("step element", "f", "1", "fiber nonlinearity of the step, NaN in a law without it"),

@@ -101,10 +101,15 @@ TABLES: dict[str, dict[str, tuple[str, str]]] = {
         "C3_largest": ("1", "largest C3 over the region"),
     },
     "tables/table_2.csv": {
-        "method": ("", "`hybrid`, the run with networks, or `both`"),
+        "specimen": ("", "where the tissue comes from"),
+        "method": ("", "`hybrid`, `multiscale`, or `both`"),
+        "runs": ("", "runs of the tissue that are summed up"),
         "task": ("", "what was computed"),
         "paper_cpu_hours": ("hour", "CPU-hours as printed in Table 2"),
-        "cpu_hours": ("hour", "CPU-hours that the processes counted of themselves"),
+        "cpu_hours": (
+            "hour",
+            "CPU-hours that the processes counted; of a killed run up to its last checkpoint",
+        ),
         "paper_over_ours": ("1", "their ratio"),
         "times_hybrid": ("1", "CPU-hours of a run with networks over those of the whole hybrid method"),
         "times_hybrid_paper": ("1", "the same of the printed ones"),
@@ -114,6 +119,7 @@ TABLES: dict[str, dict[str, tuple[str, str]]] = {
         "versions": ("", "versions of Python and the libraries, as JSON"),
     },
     "tables/table_2_parts.csv": {
+        "specimen": ("", "where the tissue comes from"),
         "run": ("", "a run with networks"),
         "part": (
             "",
@@ -186,6 +192,7 @@ TABLES: dict[str, dict[str, tuple[str, str]]] = {
     },
     "tables/comparison_steps.csv": {
         "run": ("", "run of the tissue"),
+        "specimen": ("", "where the tissue comes from"),
         "step": ("1", "load step of the reference; a run with another number of steps has its last one alone"),
         "shear_stress_relative_rms_error": _SHEAR_STRESS_RELATIVE,
         "shear_strain_relative_rms_error": _SHEAR_STRAIN_RELATIVE,

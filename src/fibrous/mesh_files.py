@@ -153,11 +153,11 @@ def _read_fibers(path: Path, element_count: int) -> tuple[Array, Array]:
 
 
 def _refuse_eigenvalues(path: Path, eigenvalues: Array) -> None:
-    bad = np.flatnonzero((eigenvalues < 0.0).any(axis=1) | (np.abs(eigenvalues.sum(axis=1) - 1.0) > ROUNDING))
+    bad = np.flatnonzero((eigenvalues <= 0.0).any(axis=1) | (np.abs(eigenvalues.sum(axis=1) - 1.0) > ROUNDING))
     if bad.size:
         raise MeshError(
             f"{path}: element {bad[0]} has H11, H22, H33 {eigenvalues[bad[0]].tolist()}; "
-            "they must not be negative, and their sum must be 1"
+            "they must be above 0, and their sum must be 1"
         )
 
 
@@ -187,7 +187,8 @@ def _refuse_unknown(path: Path, numbers: Index, count: int, what: str) -> None:
 
 
 def _whole(path: Path, values: Array, names: list[str]) -> Index:
-    bad = np.argwhere(values != np.round(values))
+    # Beyond 2^53 not every whole number has a floating-point one.
+    bad = np.argwhere((values != np.round(values)) | (np.abs(values) > 2.0**53))
     if bad.size:
         raise MeshError(f"{path}: row {bad[0, 0]} has no whole number in the column '{names[bad[0, 1]]}'")
     return values.astype(np.int64)

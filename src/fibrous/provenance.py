@@ -79,7 +79,7 @@ def attributes(params: Mapping[str, Any]) -> dict[str, Any]:
         **({"study_config": params["study_config"]} if "study_config" in params else {}),
         "code_hash": params["code_hash"],
         "seed": config.get("seed", -1),
-        "versions": json.dumps({"python": platform.python_version(), **{name: _version(name) for name in RECORDED}}),
+        "versions": json.dumps(versions()),
         "machine": machine(),
         "cpu_seconds": cpu_seconds() + params.get("cpu_seconds_before", 0.0),
         "peak_memory_MB": max(own.ru_maxrss, children.ru_maxrss) / kibibytes / 1024,
@@ -101,6 +101,11 @@ def cpu_seconds() -> float:
     """CPU seconds that this process and its children have spent."""
     usages = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return sum(usage.ru_utime + usage.ru_stime for usage in usages)
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and the libraries on which numbers depend."""
+    return {"python": platform.python_version(), **{name: _version(name) for name in RECORDED}}
 
 
 @cache

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 from scipy.special import ndtr
 
@@ -57,6 +59,11 @@ class Specimen:
         for number, what in ((FIXED, "held fixed"), (MOVED, "moved")):
             if not (self.enthesis == number).any():
                 raise MeshError(f"no node belongs to enthesis {number}, the one {what}; without it there is no load")
+        pieces = _pieces(self.mesh)
+        loose = np.setdiff1d(pieces, pieces[self.enthesis != NO_ENTHESIS])
+        if loose.size:
+            node = int(np.flatnonzero(pieces == loose[0])[0])
+            raise MeshError(f"node {node} belongs to a piece of the mesh that no enthesis holds; join it or remove it")
         held = np.flatnonzero(self.enthesis)
         bad = np.argwhere(~np.isfinite(self.prescribed_displacement[:, held]).all(axis=-1))
         if bad.size:
@@ -80,6 +87,13 @@ class Specimen:
         held = np.flatnonzero(self.enthesis)
         values = self.prescribed_displacement[:, held]
         return PrescribedDisplacement.at(held, values, steps=len(values))
+
+
+def _pieces(mesh: Mesh) -> Index:
+    """Which piece of connected elements every node belongs to, shape (nodes,)."""
+    nodes = mesh.element_nodes
+    links = np.ones(7 * len(nodes)), (np.repeat(nodes[:, 0], 7), nodes[:, 1:].ravel())
+    return connected_components(coo_array(links, shape=2 * (len(mesh.node_position),)), directed=False)[1]
 
 
 @dataclass(frozen=True)

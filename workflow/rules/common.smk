@@ -30,6 +30,11 @@ wildcard_constraints:
     element="[0-9]+",
 
 
+def only_runs(stage):
+    """What the wildcard `run` may be in a stage; a pattern that nothing matches where it has no instance."""
+    return "|".join(instance["run"] for instance in stages.STAGES[stage].instances(config)) or "(?!)"
+
+
 def outputs(stage):
     return stages.STAGES[stage].outputs
 

@@ -9,7 +9,7 @@ rule deform_tissue_with_lagged_constants:
     log:
         "logs/tissue/{run}.log",
     wildcard_constraints:
-        run="|".join(instance["run"] for instance in stages.STAGES["lagged"].instances(config)),
+        run=only_runs("lagged"),
     threads: 1
     resources:
         mem_mb=4000,

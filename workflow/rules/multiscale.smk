@@ -1,42 +1,82 @@
 # Sections 2.7 and 3.4: every run of the tissue judged against the one with a network at every Gauss point.
 
 
-rule comparison:
-    input:
-        unpack(inputs("comparison")),
-    output:
-        **outputs("comparison"),
-    log:
-        "logs/tissue/comparison.log",
-    threads: 1
-    resources:
-        mem_mb=4000,
-    params:
-        params("comparison"),
-    message:
-        "Comparing every run of the tissue with the one with networks"
-    shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input tissue {input.tissue:q}'
-        " --output comparison {output.comparison:q} --output steps {output.steps:q} > {log:q} 2>&1"
+if stages.STAGES["comparison"].instances(config):
+
+    rule comparison:
+        input:
+            unpack(inputs("comparison")),
+        output:
+            **outputs("comparison"),
+        log:
+            "logs/tissue/comparison.log",
+        threads: 1
+        resources:
+            mem_mb=4000,
+        params:
+            params("comparison"),
+        message:
+            "Comparing every run of the tissue with the one with networks"
+        shell:
+            'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input tissue {input.tissue:q}'
+            " --output comparison {output.comparison:q} --output steps {output.steps:q} > {log:q} 2>&1"
+
+    rule figure_comparison:
+        input:
+            unpack(inputs("figure_comparison")),
+        output:
+            **outputs("figure_comparison"),
+        log:
+            "logs/figures/comparison.log",
+        threads: 1
+        resources:
+            mem_mb=1000,
+        params:
+            params("figure_comparison"),
+        message:
+            "Drawing the errors of every run, and how they grow"
+        shell:
+            'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input comparison {input.comparison:q} --input steps {input.steps:q}'
+            " --output png {output.png:q} --output svg {output.svg:q} --output data {output.data:q} > {log:q} 2>&1"
 
 
-rule table_2:
-    input:
-        unpack(inputs("table_2")),
-    output:
-        **outputs("table_2"),
-    log:
-        "logs/table_2.log",
-    threads: 1
-    resources:
-        mem_mb=1000,
-    params:
-        params("table_2"),
-    message:
-        "Summing up CPU-hours beside Table 2"
-    shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input networks {input.networks:q} --input initial {input.initial:q} --input refit {input.refit:q} --input hybrid {input.hybrid:q} --input multiscale {input.multiscale:q}'
-        " --output table_2 {output.table_2:q} --output parts {output.parts:q} > {log:q} 2>&1"
+if stages.STAGES["table_2"].instances(config):
+
+    rule table_2:
+        input:
+            unpack(inputs("table_2")),
+        output:
+            **outputs("table_2"),
+        log:
+            "logs/table_2.log",
+        threads: 1
+        resources:
+            mem_mb=1000,
+        params:
+            params("table_2"),
+        message:
+            "Summing up CPU-hours beside Table 2"
+        shell:
+            'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input networks {input.networks:q} --input initial {input.initial:q} --input refit {input.refit:q} --input hybrid {input.hybrid:q} --input multiscale {input.multiscale:q}'
+            " --output table_2 {output.table_2:q} --output parts {output.parts:q} > {log:q} 2>&1"
+
+    rule figure_9:
+        input:
+            unpack(inputs("figure_9")),
+        output:
+            **outputs("figure_9"),
+        log:
+            "logs/figures/figure_9.log",
+        threads: 1
+        resources:
+            mem_mb=4000,
+        params:
+            params("figure_9"),
+        message:
+            "Drawing Figure 9: maximum shear of the run with networks and of the hybrid method"
+        shell:
+            'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input specimen {input.specimen:q} --input tissue {input.tissue:q}'
+            " --output png {output.png:q} --output svg {output.svg:q} --output data {output.data:q} > {log:q} 2>&1"
 
 
 rule follow_network:
@@ -56,44 +96,6 @@ rule follow_network:
     shell:
         'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input networks {input.networks:q} --input specimen {input.specimen:q} --input tissue {input.tissue:q}'
         " --output states {output.states:q} > {log:q} 2>&1"
-
-
-rule figure_9:
-    input:
-        unpack(inputs("figure_9")),
-    output:
-        **outputs("figure_9"),
-    log:
-        "logs/figures/figure_9.log",
-    threads: 1
-    resources:
-        mem_mb=4000,
-    params:
-        params("figure_9"),
-    message:
-        "Drawing Figure 9: maximum shear of the run with networks and of the hybrid method"
-    shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input specimen {input.specimen:q} --input tissue {input.tissue:q}'
-        " --output png {output.png:q} --output svg {output.svg:q} --output data {output.data:q} > {log:q} 2>&1"
-
-
-rule figure_comparison:
-    input:
-        unpack(inputs("figure_comparison")),
-    output:
-        **outputs("figure_comparison"),
-    log:
-        "logs/figures/comparison.log",
-    threads: 1
-    resources:
-        mem_mb=1000,
-    params:
-        params("figure_comparison"),
-    message:
-        "Drawing the errors of every run, and how they grow"
-    shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input comparison {input.comparison:q} --input steps {input.steps:q}'
-        " --output png {output.png:q} --output svg {output.svg:q} --output data {output.data:q} > {log:q} 2>&1"
 
 
 rule figure_microstructure:

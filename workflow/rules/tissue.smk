@@ -79,7 +79,7 @@ rule deform_tissue:
     log:
         "logs/tissue/{run}.log",
     wildcard_constraints:
-        run="|".join(instance["run"] for instance in stages.STAGES["tissue"].instances(config)),
+        run=only_runs("tissue"),
     threads: 1
     resources:
         mem_mb=2500,
@@ -101,7 +101,7 @@ rule deform_tissue_with_networks:
     log:
         "logs/tissue/{run}.log",
     wildcard_constraints:
-        run="|".join(instance["run"] for instance in stages.STAGES["multiscale"].instances(config)) or "none",
+        run=only_runs("multiscale"),
     threads: workflow.cores or 1
     resources:
         mem_mb=6000,

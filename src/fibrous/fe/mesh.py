@@ -30,7 +30,8 @@ class Mesh:
         four behind them in the same order, as in VTK and FEBio
 
     Raises MeshError, naming the first node or element at fault, for positions that are not finite, node numbers that
-    do not exist or repeat in an element, nodes of no element, and elements that are inverted or numbered inside out.
+    do not exist or repeat in an element, nodes of no element, elements that are inverted or numbered inside out, and
+    elements that are there twice.
     """
 
     node_position: Array
@@ -41,6 +42,7 @@ class Mesh:
         object.__setattr__(self, "element_nodes", np.asarray(self.element_nodes, dtype=np.int64))
         self._refuse_numbers()
         self._refuse_shapes()
+        self._refuse_repetition()
 
     @cached_property
     def integration(self) -> tuple[Array, Array]:
@@ -69,6 +71,13 @@ class Mesh:
         used = np.bincount(nodes.ravel(), minlength=len(position))
         if not used.all():
             raise MeshError(f"node {np.argmin(used)} belongs to no element; remove it")
+
+    def _refuse_repetition(self) -> None:
+        nodes = self.element_nodes
+        _, first = np.unique(np.sort(nodes, axis=1), axis=0, return_index=True)
+        if len(first) < len(nodes):
+            again = np.setdiff1d(np.arange(len(nodes)), first)[0]
+            raise MeshError(f"element {again} has the corners of an element before it; remove one of the two")
 
     def _refuse_shapes(self) -> None:
         volumes = self.integration[1]

@@ -33,6 +33,8 @@ LOOSE = 1e-5
 # Largest part of a change of the prescribed values that may lie off the line of the change before, for the two to tell
 # the curvature of the path.
 STRAIGHT = 0.1
+# Changes, in the length of the change before, over which the curvature still predicts; beyond, rounding is blown up.
+LONGEST = 4.0
 
 
 @dataclass(frozen=True)
@@ -202,12 +204,12 @@ class Move:
         """Second order of the free components' path, shape (free,), mm: from the tangents here and at the move before.
 
         With r the ratio of this change to that before, ½ r (response − r response before); none where the two changes
-        are not along one line.
+        are not along one line, or this one is many times as long.
         """
         square = float(before.change @ before.change)
         ratio = float(self.change @ before.change) / square if square > 0.0 else 0.0
         aside = np.linalg.norm(self.change - ratio * before.change)
-        if aside > STRAIGHT * np.linalg.norm(self.change):
+        if aside > STRAIGHT * np.linalg.norm(self.change) or abs(ratio) > LONGEST:
             return np.zeros_like(self.response)
         return 0.5 * ratio * (self.response - ratio * before.response)
 

@@ -38,8 +38,8 @@ class Material(Protocol):
         returned for a trial of the same increment, or None for the first: a law that is solved for may start there.
 
         All three are new arrays: the caller may write into P and A, and both states are left as they were. Where F
-        has no stress (a determinant that is not positive) P and A are not finite. Raises ConvergenceError where a law
-        that is solved for, not evaluated, finds no solution.
+        has no stress (a determinant that is not positive) P and A of a solid are not finite; fibres alone may have
+        some. Raises ConvergenceError where a law that is solved for, not evaluated, finds no solution.
         """
 
     def energy(self, gradient: Array) -> Array:

@@ -18,6 +18,9 @@ from fibrous.networks.lanes import LANES, exponential, least, load, spread, squa
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
+# Steps, in the length of the step before, over which a cubic through the last two states still predicts.
+LONGEST = 4.0
+
 
 class Topology(NamedTuple):
     """A network as compiled code takes it, with its nodes in the order of elimination.
@@ -190,15 +193,19 @@ def predict(size: int, F: Array, from_F: Array, from_u: Array, from_G: Single, u
 def add_bend(size: int, F: Array, from_F: Array, increment: Array, bend: Single, u: Array) -> None:
     """Add to u the second and third order of the path that led to `from_F` by `increment`, (3, 3, lanes).
 
-    They belong to the share t = ΔF : increment / increment : increment of it in the way to F.
+    They belong to the share t = ΔF : increment / increment : increment of it in the way to F. Where that is many times
+    the way so far, nothing is known of the bend, and rounding would be blown up.
     """
-    square, along = spread(1e-300), spread(0.0)
-    for i in range(3):
-        for j in range(3):
-            step = load(increment, (i, j))
-            square = square + step * step
-            along = along + step * (load(F, (i, j)) - load(from_F, (i, j)))
-    t = along / square
+    shares = np.zeros((1, LANES))
+    for lane in range(LANES):
+        square, along = 0.0, 0.0
+        for i in range(3):
+            for j in range(3):
+                square += increment[i, j, lane] ** 2
+                along += increment[i, j, lane] * (F[i, j, lane] - from_F[i, j, lane])
+        if abs(along) <= LONGEST * square and square > 0.0:
+            shares[0, lane] = along / square
+    t = load(shares, (0,))
     for a in range(size):
         for i in range(3):
             further = t * t * (load(bend, (0, a, i)) + t * load(bend, (1, a, i)))

@@ -130,7 +130,7 @@ def relax(
                 kernels.pull(topology, constants, F, u, d, stiffness, residual, sums)
             norm, bound = np.sqrt(sums[0]), np.sqrt(size) * np.maximum(1.0, np.sqrt(sums[1] / count))
             good, shrunk = norm <= tolerance * bound, norm / before
-            lost = ~np.isfinite(norm + bound) | (shrunk > FALL) | (steps == MOST_STEPS)
+            lost = ~np.isfinite(norm + bound) | (((shrunk > FALL) | (steps == MOST_STEPS)) & ~good)
             status[(status == RUNNING) & lost] = STUCK
             if factored:
                 status[(status == RUNNING) & good] = CONVERGED

@@ -1,4 +1,4 @@
-"""Where a long run stands: kept beside its result after every load step, ignored when config or code have changed."""
+"""Where a long run stands: kept beside its result after every load step, for the same config, code and libraries."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from fibrous.datasets import place
-from fibrous.provenance import config_hash
+from fibrous.provenance import config_hash, versions
 
 ENDING = ".checkpoint"
 
@@ -20,8 +20,8 @@ class Checkpoint:
 
     def __init__(self, output: Path, params: Mapping[str, Any]) -> None:
         self.path = output.with_suffix(ENDING)
-        hashes = {"config_hash": config_hash(params["config"]), "code_hash": params["code_hash"]}
-        self._header = json.dumps({"stage": params["stage"], **hashes}, sort_keys=True).encode() + b"\n"
+        made_by = {"config_hash": config_hash(params["config"]), "code_hash": params["code_hash"], **versions()}
+        self._header = json.dumps({"stage": params["stage"], **made_by}, sort_keys=True).encode() + b"\n"
 
     def read(self) -> Any:
         """What was kept, or None where there is nothing, or what there is belongs to another config or code."""
@@ -29,7 +29,7 @@ class Checkpoint:
         try:
             with open(self.path, "rb") as stream:
                 if stream.readline() != self._header:
-                    print(f"{self.path}: kept by another config or code; starting anew", file=sys.stderr)
+                    print(f"{self.path}: kept by another config, code or library; starting anew", file=sys.stderr)
                     return None
                 return pickle.load(stream)
         except FileNotFoundError:

@@ -28,9 +28,9 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     for entry, path in entries.values():
         state = _read(path, reference)
         rows = [{"step": step, **_errors(comparison)} for step, comparison in _comparisons(state, reference)]
+        about = {"run": entry["name"], "specimen": state.attrs["origin"]}
         grown += [
-            {"run": entry["name"], **{name: row[name] for name in row if name == "step" or "relative" in name}}
-            for row in rows
+            {**about, **{name: row[name] for name in row if name == "step" or "relative" in name}} for row in rows
         ]
         end = {name: value for name, value in rows[-1].items() if name != "step"}
         last.append({**_about(entry, state), **end, "cpu_seconds": state.attrs["cpu_seconds"]})

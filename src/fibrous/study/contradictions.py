@@ -23,6 +23,7 @@ from fibrous.study.plan import (
 )
 
 SURFACE_TERMS = 9
+RESERVED = ("specimen", "table", "comparison")  # names of files beside those of the runs
 LARGEST_BATCH = 5000  # its numbers travel on the command line of a job
 LARGEST_EXPONENT = 350.0  # exp of it, and the square of that, are finite in double precision
 # A Delaunay network needs some ten nodes in the cube before its alignment means anything.
@@ -232,6 +233,8 @@ def _load_sets(config: Config) -> Iterator[str]:
 
 def _specimen(config: Config) -> Iterator[str]:
     files, slab = config["specimen_files"], config["synthetic_specimen"]
+    if config["network"] == "file" and config["specimen"] == "file":
+        yield "specimen is file, which says nothing with network: file: networks of your own have no tissue around them"
     if config["specimen"] == "synthetic" and files:
         yield "specimen_files names files, but specimen is synthetic; write specimen: file or leave them out"
     if config["specimen"] == "file":
@@ -257,9 +260,6 @@ def _specimen(config: Config) -> Iterator[str]:
         )
     if slab["gap_mm"] <= -slab["length_mm"]:
         yield f"synthetic_specimen.gap_mm is {slab['gap_mm']:g}, which pushes one bone through the other"
-    elements = math.prod(slab["elements"])
-    if config["tissue"]["batches"] > elements:
-        yield f"tissue.batches is {config['tissue']['batches']}, must be at most the specimen's {elements} elements"
 
 
 def _tissue(config: Config) -> Iterator[str]:
@@ -280,11 +280,41 @@ def _tissue(config: Config) -> Iterator[str]:
         yield f"tissue.protocol is {name}, whose ensembles lack tissue"
     for i, model in enumerate(tissue["models"]):
         yield from _model(config, model, f"tissue.models[{i}]")
+        if model["name"] in RESERVED or model["name"].endswith("_febio"):
+            yield f"tissue.models[{i}].name is {model['name']}, which names a file of another rule"
+    yield from _surface_range(config)
     names = [run.name for run in plan.runs(config)]
     for name in dict.fromkeys(name for i, name in enumerate(names) if name in names[:i]):
         models = [model["name"] for model in tissue["models"]]
         if models.count(name) < 2:
             yield f"tissue.models: {name} is the name of a model and of another one's refit"
+
+
+def _surface_range(config: Config) -> Iterator[str]:
+    """The surface of Eq. 11 answers inside the alignments of the ensemble that it was fitted to, and nowhere else."""
+    models = [model["name"] for model in config["tissue"]["models"] if model.get("constants") == "surface"]
+    if not models:
+        return
+    least, largest = config["delaunay"]["H11"]
+    smallest = config["delaunay"]["smallest_H"]
+    remedy = f"leave {', '.join(models)} out of tissue.models, or widen delaunay"
+    if config["specimen"] == "synthetic":
+        aligned, (thin, wide) = config["synthetic_specimen"]["H11"], config["synthetic_specimen"]["in_plane_share"]
+        across = (1 - aligned[1]) * min(thin, 1 - wide)
+        if aligned[0] < least or aligned[1] > largest or across < smallest:
+            yield (
+                f"synthetic_specimen reaches H11 = {aligned[0]:g} and {aligned[1]:g} with an H33 of {across:.3g}, "
+                f"beyond delaunay.H11 or delaunay.smallest_H, where the surface of Eq. 11 says nothing: {remedy}"
+            )
+        return
+    for element, tensor in enumerate(plan.fiber_eigenvalues(config)):
+        first, _, third = sorted(tensor, reverse=True)
+        if not least <= first <= largest or third < smallest:
+            yield (
+                f"specimen_files.fibers: element {element} has eigenvalues of H from {third:.3g} to {first:.3g}, "
+                f"beyond delaunay.H11 or delaunay.smallest_H, where the surface of Eq. 11 says nothing: {remedy}"
+            )
+            return
 
 
 def _microstructure(config: Config) -> Iterator[str]:

@@ -14,8 +14,8 @@ STATES = "results/states/tissue/{run}_{element}.nc"
 
 
 def _judged(config: Config) -> list[dict[str, str]]:
-    """One instance, where there is a run with networks."""
-    return once(config) if plan.reference_run(config) else []
+    """One instance, where there is a run with networks and another one."""
+    return once(config) if plan.reference_run(config) and len(plan.runs(config)) > 1 else []
 
 
 def _timed(config: Config) -> list[dict[str, str]]:
@@ -31,18 +31,29 @@ def _tissue(*names: str) -> list[str]:
     return [TISSUE.format(run=name) for name in names]
 
 
+def _hybrid_runs(config: Config) -> list[plan.Run]:
+    """The first model that is refitted, in all of its rounds."""
+    model = next(run.model for run in plan.runs(config) if run.refits)
+    return [run for run in plan.runs(config) if run.model is model]
+
+
 def _table_2_inputs(config: Config, _: Wildcards) -> dict[str, list[str]]:
-    initial, refit = plan.drawn_runs(config)
+    runs = _hybrid_runs(config)
     protocol = config["tissue"]["protocol"]
     # With lagged constants the second run counts its own fits.
-    lagged = plan.is_lagged(config, plan.run_called(config, refit))
+    sources = [run.source for run in runs if run.refits and not plan.is_lagged(config, run)]
     return {
         "networks": networks_of_elements(config),
         "initial": [*curves_of(config, "tissue", protocol), f"results/fits/tissue/{protocol}.csv"],
-        "refit": []
-        if lagged
-        else [*curves_of(config, "tissue", f"{REFIT}{initial}"), f"results/fits/tissue/{REFIT}{initial}.csv"],
-        "hybrid": _tissue(initial, refit),
+        "refit": [
+            path
+            for source in sources
+            for path in [
+                *curves_of(config, "tissue", f"{REFIT}{source}"),
+                f"results/fits/tissue/{REFIT}{source}.csv",
+            ]
+        ],
+        "hybrid": _tissue(*(run.name for run in runs)),
         "multiscale": _tissue(*(run.name for run in plan.runs(config) if run.model["law"] == "network")),
     }
 
@@ -84,7 +95,7 @@ MULTISCALE_STAGES: dict[str, Stage] = {
         module="fibrous.study.table_2",
         outputs={"table_2": "results/tables/table_2.csv", "parts": "results/tables/table_2_parts.csv"},
         inputs=_table_2_inputs,
-        config=lambda _, __: {},
+        config=lambda config, _: {"reference": plan.reference_run(config)},
         instances=_timed,
     ),
     "microstructure": Stage(

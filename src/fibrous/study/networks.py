@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from fibrous import datasets
-from fibrous.errors import ConfigError, naming
+from fibrous.errors import naming
 from fibrous.network_files import read_network
 from fibrous.networks.generation import alignment_targets, delaunay_network, network_seed
 from fibrous.networks.network import Network, structure_tensor, total_length, volume_fraction
@@ -44,8 +44,6 @@ def _asked(inputs: Mapping[str, list[Path]], config: Mapping[str, Any]) -> tuple
     if config["ensemble"] == "tissue":
         specimen = datasets.read(inputs["files"][0], "specimen")
         network, batches = specimen["element_network"].values, config["batches"]
-        if batches > len(network):
-            raise ConfigError(f"tissue.batches is {batches}, must be at most the specimen's {len(network)} elements")
         elements = share(len(network), batches, config["batch"])
         return network[elements], list(specimen["structure_tensor"].values[elements])
     numbers = np.array(config["numbers"])

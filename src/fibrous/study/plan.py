@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 from typing import Any
+
+import pandas as pd
+
+from fibrous.specimen import SYNTHETIC
 
 Config = Mapping[str, Any]
 Wildcards = Mapping[str, str]
@@ -85,13 +93,41 @@ def parts(config: Config, ensemble: str) -> int:
     """Number of batches of an ensemble."""
     if ensemble == "file":
         return min(config["delaunay"]["batches"], len(config["network_files"]))
-    return {"delaunay": config["delaunay"]["batches"], "named": 1, "tissue": config["tissue"]["batches"]}[ensemble]
+    if ensemble == "tissue":
+        return min(config["tissue"]["batches"], element_count(config) or config["tissue"]["batches"])
+    return {"delaunay": config["delaunay"]["batches"], "named": 1}[ensemble]
+
+
+def element_count(config: Config) -> int:
+    """Elements of the specimen; of a user's own the rows of its table of fibres, 0 where that cannot be read."""
+    if config["specimen"] == "synthetic":
+        return math.prod(config["synthetic_specimen"]["elements"])
+    return len(fiber_eigenvalues(config))
+
+
+def fiber_eigenvalues(config: Config) -> list[list[float]]:
+    """H11, H22, H33 of every row of a user's table of fibres; none where it cannot be read, as the rule will say."""
+    path = Path(config["specimen_files"].get("fibers", ""))
+    return _eigenvalues(path, path.stat().st_mtime_ns) if path.is_file() else []
+
+
+@cache
+def _eigenvalues(path: Path, _: int) -> list[list[float]]:
+    with suppress(OSError, ValueError, KeyError):
+        table = pd.read_csv(path, skipinitialspace=True)
+        return table[["H11", "H22", "H33"]].to_numpy(dtype=float).tolist()
+    return []
+
+
+def origin(config: Config) -> str:
+    """Where the tissue comes from, in a few words."""
+    return SYNTHETIC if config["specimen"] == "synthetic" else f"mesh of {config['specimen_files']['mesh']}"
 
 
 def batches(config: Config, ensemble: str) -> list[str]:
     """Names of an ensemble's batches: zero-padded numbers.
 
-    >>> batches({"delaunay": {"batches": 2}, "tissue": {"batches": 1}}, "delaunay")
+    >>> batches({"delaunay": {"batches": 2}}, "delaunay")
     ['00', '01']
     """
     count = parts(config, ensemble)
@@ -121,8 +157,10 @@ def runs(config: Config) -> list[Run]:
 
 def reference_run(config: Config) -> str:
     """The run against which all others are judged: the first with networks at every load step; empty without one."""
-    found = (run.name for run in runs(config) if run.model["law"] == "network" and "load_steps" not in run.model)
-    return next(found, "")
+    # A user's own motion says itself how many steps it has.
+    steps = config["synthetic_specimen"]["load_steps"] if config["specimen"] == "synthetic" else None
+    found = (run for run in runs(config) if run.model["law"] == "network")
+    return next((run.name for run in found if run.model.get("load_steps", steps) == steps), "")
 
 
 def run_called(config: Config, name: str) -> Run:
@@ -136,11 +174,12 @@ def is_lagged(config: Config, run: Run) -> bool:
 
 
 def drawn_runs(config: Config) -> list[str]:
-    """Runs that figures of the tissue show: the first model that is refitted, before and after, or else the first."""
+    """Runs that figures of the tissue show: the first model that is refitted, first and last, or else the first."""
     every = runs(config)
-    refitted = next((run for run in every if run.refits), None)
+    refitted = [run for run in every if run.refits]
     if refitted:
-        return [refitted.source, refitted.name]
+        name = refitted[0].model["name"]
+        return [name, [run for run in refitted if run.model["name"] == name][-1].name]
     return [next((run for run in every if run.model.get("constants")), every[0]).name]
 
 

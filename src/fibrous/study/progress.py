@@ -30,7 +30,7 @@ class Progress:
         done = step - self._first
         left = f", about {_clock(elapsed / done * (steps - step))} left" if done else ""
         where = f"load step {step + 1} of {steps}, iteration {len(walk.residuals)}, residual {walk.residuals[-1]:.1e}"
-        spent = f"{self.network_iterations} network iterations so far, {_clock(elapsed)} elapsed{left}"
+        spent = f"{self.network_iterations} network iterations before it, {_clock(elapsed)} elapsed{left}"
         self._say(f"{self.name}: {where}, {spent}")
 
     def _say(self, line: str) -> None:

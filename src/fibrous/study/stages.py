@@ -11,10 +11,14 @@ from itertools import chain
 from typing import Any
 
 from fibrous.provenance import code_hash, config_hash
+from fibrous.study import plan
 from fibrous.study.multiscale_stages import MULTISCALE_STAGES
 from fibrous.study.network_stages import NETWORK_STAGES
 from fibrous.study.plan import Config, Stage, Wildcards
 from fibrous.study.tissue_stages import TISSUE_STAGES
+
+# What a part of the config says of the tissue that the files come from: a synthetic one is called so everywhere.
+SPECIMEN = "specimen"
 
 STAGES: dict[str, Stage] = {
     **NETWORK_STAGES,
@@ -46,18 +50,22 @@ def _params(
     config: Config,
     wildcards: Wildcards,
     producers: Mapping[str, tuple[str, Wildcards]],
-    known: dict[str, str],
+    known: dict[str, tuple[str, str]],
 ) -> dict[str, Any]:
-    upstream = set()
+    upstream, specimen = set(), plan.origin(config) if stage == "specimen" else ""
     for path in chain.from_iterable(STAGES[stage].inputs(config, wildcards).values()):
         if path not in producers:
             continue  # a user's own file
         if path not in known:
             name, instance = producers[path]
-            known[path] = config_hash(_params(name, config, instance, producers, known))
-        upstream.add(known[path])
+            made_with = _params(name, config, instance, producers, known)
+            known[path] = config_hash(made_with), made_with["config"].get(SPECIMEN, "")
+        upstream.add(known[path][0])
+        specimen = specimen or known[path][1]
     module = STAGES[stage].module
     own = STAGES[stage].config(config, wildcards)
+    if specimen:
+        own[SPECIMEN] = specimen
     if upstream:
         own["upstream"] = config_hash({"inputs": sorted(upstream)})
         if config["network"] != "file":
