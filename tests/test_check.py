@@ -84,7 +84,7 @@ def test_another_config_makes_its_stage_and_what_follows_stale(config, made):
 
 def assert_follow_fits(found) -> None:
     """What fits are behind is found, and nothing else: neither networks nor runs without fitted constants."""
-    assert {name.split("/")[1] for name in found} == {"fits", "tables", "figures", "curves", "tissue"}
+    assert {name.split("/")[1] for name in found} == {"fits", "tables", "figures", "curves", "tissue", "claims.csv"}
     assert {name.split("/")[3].partition("_")[0] for name in found if "/curves/" in name} == {"refit"}
     tissue = {Path(name).name for name in found if "/tissue/" in name and name.endswith((".nc", ".vtu", ".feb"))}
     assert {"hgo.nc", "hgo.vtu", "hgo.feb", "hgo_refit.nc", "hgo_surface.nc", "structure_tensor.nc"} <= tissue

@@ -295,6 +295,7 @@ CONTRADICTIONS = [
     ({"delaunay": {"H11": [0.5, 0.4]}}, "delaunay.H11 is [0.5, 0.4], must rise"),
     ({"delaunay": {"H11": [0.5, 0.92]}}, "delaunay.H11 reaches 0.92, which leaves no room"),
     ({"delaunay": {"batches": 800}}, "delaunay.batches is 800, must be at most delaunay.networks = 750"),
+    ({"replicates": {"seeds": 1, "batches": 7}}, "replicates.batches is 7, must be at most the 6 replicates"),
     ({"delaunay": {"networks": 10, "batches": 1}}, "delaunay.networks is 10, too few for the 9 coefficients"),
     ({"surface": {"cross_validation_folds": 800}}, "surface.cross_validation_folds is 800, must be at most"),
     ({"fiber": {"radius_um": 10.0}}, "fiber.radius_um is 10, must be less than half of cube.edge_length_um"),

@@ -27,6 +27,7 @@ FORBIDDEN = {
     "hybrid": ["specimen", *FORMATS, *ABOVE],
     "material_point": ["networks", "fitting", "hybrid", "specimen", *FORMATS, *ABOVE],
     **{name: ["fitting", "hybrid", *ABOVE] for name in FORMATS},
+    "audit": [*FORMATS, *ABOVE],
     "datasets": ["networks", "materials", *TISSUE, *FORMATS, "prediction", "study", "figures"],
     "figures": ["study"],
     "study": ["figures"],

@@ -83,6 +83,7 @@ def test_a_second_run_does_nothing(quick):
         "figure_comparison",
         "figure_9",
         "table_2",
+        "claims",
         "microstructure",
     ],
 )

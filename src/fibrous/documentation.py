@@ -159,6 +159,20 @@ TABLES: dict[str, dict[str, tuple[str, str]]] = {
         "end_error_MPa": ("MPa", "law less network at the last of these steps; of `all`, the size of the difference"),
         "r_squared": ("1", "coefficient of determination of the fit that gave the constants"),
     },
+    "claims.csv": {
+        "id": ("", "statement of the paper, as config/claims.yaml has it"),
+        "section": ("", "where the paper says it"),
+        "says": ("", "what the paper says, and prints"),
+        "here": ("", "what came out"),
+        "spread": ("", "its range over the replicates of the networks, where one network could mislead"),
+        "verdict": (
+            "",
+            "`reproduced`, `partly`, `not reproduced`, `contradicted by the paper itself` or `cannot be checked: data "
+            "not public`, by the thresholds of `claims` in the config",
+        ),
+        "why": ("", "why, with numbers of the run"),
+        "data": ("", "files it is computed from"),
+    },
     "tables/comparison.csv": {
         "run": ("", "run of the tissue that is compared with the coupled multiscale simulation, at the last load step"),
         "specimen": ("", "where the specimen comes from"),

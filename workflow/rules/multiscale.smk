@@ -79,6 +79,28 @@ if stages.STAGES["table_2"].instances(config):
             " --output png {output.png:q} --output svg {output.svg:q} --output data {output.data:q} > {log:q} 2>&1"
 
 
+rule claims:
+    input:
+        unpack(inputs("claims")),
+    output:
+        **outputs("claims"),
+    log:
+        "logs/claims.log",
+    threads: 1
+    resources:
+        mem_mb=2000,
+    params:
+        params("claims"),
+    message:
+        "Judging every statement of the paper"
+    shell:
+        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input networks {input.networks:q} --input small {input.small:q} --input large {input.large:q} --input path {input.path:q}'
+        " --input fits_small {input.fits_small:q} --input fits_large {input.fits_large:q} --input fits_initial {input.fits_initial:q} --input fits_refit {input.fits_refit:q}"
+        " --input ensemble {input.ensemble:q} --input ensemble_fits_small {input.ensemble_fits_small:q} --input ensemble_fits_large {input.ensemble_fits_large:q}"
+        " --input surface {input.surface:q} --input tissue {input.tissue:q} --input tissue_networks {input.tissue_networks:q} --input table_2 {input.table_2:q}"
+        " --output claims {output.claims:q} > {log:q} 2>&1"
+
+
 rule follow_network:
     input:
         unpack(inputs("microstructure")),

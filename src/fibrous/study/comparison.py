@@ -54,10 +54,11 @@ def _comparisons(state: xr.Dataset, reference: xr.Dataset) -> Iterator[tuple[int
     same = state.sizes["step"] == reference.sizes["step"]
     for index in range(reference.sizes["step"]) if same else [-1]:
         step = int(reference["step"].values[index])
-        yield step, Comparison.of(*(_fields(one.isel(step=index)) for one in (state, reference)))
+        yield step, Comparison.of(*(fields_of(one.isel(step=index)) for one in (state, reference)))
 
 
-def _fields(state: xr.Dataset) -> Fields:
+def fields_of(state: xr.Dataset) -> Fields:
+    """The fields of a run at one of its load steps."""
     reaction = state["reaction_force"].sel(enthesis=MOVED).values
     return Fields.of(
         state["deformation_gradient"].values, state["cauchy_stress"].values, state["displacement"].values, reaction

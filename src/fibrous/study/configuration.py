@@ -25,6 +25,7 @@ Config = dict[str, Any]
 PROJECT = Path(fibrous.__file__).parents[2]
 SCHEMA = PROJECT / "workflow" / "schemas" / "config.schema.yaml"
 DEFAULT = PROJECT / "config" / "config.yaml"
+CLAIMS = PROJECT / "config" / "claims.yaml"
 
 
 def validated(config: Mapping[str, Any]) -> Config:
@@ -66,16 +67,29 @@ def loaded(override: Path | None = None) -> Config:
     return validated(config)
 
 
+@cache
+def statements() -> list[dict[str, Any]]:
+    """What the paper says, as config/claims.yaml has it. Raises ConfigError where that cannot be read."""
+    found = _parsed(CLAIMS)
+    if not isinstance(found, list):
+        raise ConfigError(f"{CLAIMS}: must hold a list of statements")
+    return found
+
+
 def _read(path: Path) -> Config:
+    content = _parsed(path)
+    if not isinstance(content, dict):
+        raise ConfigError(f"{path}: must hold keys and values at its top level")
+    return content
+
+
+def _parsed(path: Path) -> Any:
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        return yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: not YAML ({' '.join(str(error).split())})") from None
-    if not isinstance(content, dict):
-        raise ConfigError(f"{path}: must hold keys and values at its top level")
-    return content
 
 
 def _merge(config: Config, override: Mapping[str, Any]) -> None:

@@ -45,6 +45,7 @@ def contradictions(config: Config) -> Iterator[str]:
     if config["network"] == "delaunay":
         yield from _tissue(config)
         yield from _microstructure(config)
+        yield from _claims(config)
 
 
 def _repeated(config: Config) -> Iterator[str]:
@@ -124,6 +125,9 @@ def _ensemble(config: Config) -> Iterator[str]:
         )
     if batches > networks:
         yield f"delaunay.batches is {batches}, must be at most delaunay.networks = {networks}"
+    replicates = config["replicates"]["seeds"] * len(config["named"])
+    if config["replicates"]["batches"] > replicates:
+        yield f"replicates.batches is {config['replicates']['batches']}, must be at most the {replicates} replicates"
     if folds > networks:
         yield f"surface.cross_validation_folds is {folds}, must be at most delaunay.networks = {networks}"
     elif networks - math.ceil(networks / folds) <= SURFACE_TERMS:
@@ -154,6 +158,7 @@ def _wanted_protocols(config: Config) -> Iterator[str]:
     ensembles = {entry["name"]: entry["ensembles"] for entry in config["protocols"]}
     wanted = [(name, ensemble, "the figures draw") for name in FIGURE_PROTOCOLS for ensemble in ("delaunay", "named")]
     wanted += [(name, "named", "Figure 8 draws") for name in (CASE_PROTOCOL, CASE_PATH)]
+    wanted += [(name, "replicates", "the claims need") for name in (*FIGURE_PROTOCOLS, CASE_PROTOCOL, CASE_PATH)]
     for name, ensemble, what in wanted:
         if name not in ensembles:
             yield f"protocols lacks {name}, which {what}"
@@ -325,6 +330,14 @@ def _microstructure(config: Config) -> Iterator[str]:
     for i, element in enumerate(config["microstructure"]["elements"]):
         if config["specimen"] == "synthetic" and element >= elements:
             yield f"microstructure.elements[{i}] is {element}, must be less than the specimen's {elements} elements"
+
+
+def _claims(config: Config) -> Iterator[str]:
+    """Loads without which statements about network 3 cannot be judged."""
+    large = FIGURE_PROTOCOLS[0]
+    for entry in config["protocols"]:
+        for load in sorted({"xy_biaxial", "xz_biaxial"} - plan.loads(entry)) if entry["name"] == large else ():
+            yield f"protocols: {large} lacks {load}, which the claims need"
 
 
 def _model(config: Config, model: Config, path: str) -> Iterator[str]:

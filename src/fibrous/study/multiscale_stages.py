@@ -6,8 +6,19 @@ from dataclasses import replace
 from typing import Any
 
 from fibrous.study import plan
+from fibrous.study.configuration import statements
 from fibrous.study.network_stages import SPECIMEN, curves_of, figure, once
-from fibrous.study.plan import REFIT, Config, Stage, Wildcards
+from fibrous.study.plan import (
+    CASE_PATH,
+    CASE_PROTOCOL,
+    FIGURE_NETWORK,
+    FIGURE_PROTOCOLS,
+    REFIT,
+    SURVEY_NETWORKS,
+    Config,
+    Stage,
+    Wildcards,
+)
 from fibrous.study.tissue_stages import TISSUE, networks_of_elements, runs_config
 
 STATES = "results/states/tissue/{run}_{element}.nc"
@@ -21,6 +32,11 @@ def _judged(config: Config) -> list[dict[str, str]]:
 def _timed(config: Config) -> list[dict[str, str]]:
     """One instance, where there is a run with networks and one that is refitted."""
     return _judged(config) if any(run.refits for run in plan.runs(config)) else []
+
+
+def _audited(config: Config) -> list[dict[str, str]]:
+    """One instance, where Table 2 has a line for every statement about time: lagged refits are none of their own."""
+    return _timed(config) if config["tissue"]["update"] == "rounds" else []
 
 
 def _compared(config: Config) -> dict[str, Any]:
@@ -55,6 +71,42 @@ def _table_2_inputs(config: Config, _: Wildcards) -> dict[str, list[str]]:
         ],
         "hybrid": _tissue(*(run.name for run in runs)),
         "multiscale": _tissue(*(run.name for run in plan.runs(config) if run.model["law"] == "network")),
+    }
+
+
+def _claims_inputs(config: Config) -> dict[str, list[str]]:
+    small, large = reversed(FIGURE_PROTOCOLS)
+    singled_out = [(name, batch) for name in ("named", "replicates") for batch in plan.batches(config, name)]
+    curves = {"small": small, "large": large, "path": CASE_PATH}
+    fits = {"fits_small": small, "fits_large": large, "fits_initial": CASE_PROTOCOL, "fits_refit": CASE_PATH}
+    return {
+        "networks": [f"results/networks/{ensemble}/{batch}.nc" for ensemble, batch in singled_out],
+        **{
+            name: [path for ensemble in ("named", "replicates") for path in curves_of(config, ensemble, protocol)]
+            for name, protocol in curves.items()
+        },
+        **{
+            name: [f"results/fits/{ensemble}/{protocol}.csv" for ensemble in ("named", "replicates")]
+            for name, protocol in fits.items()
+        },
+        "ensemble": curves_of(config, "delaunay", large),
+        **{f"ensemble_{name}": [f"results/fits/delaunay/{fits[name]}.csv"] for name in ("fits_small", "fits_large")},
+        "surface": ["results/tables/surface.nc"],
+        "tissue": _tissue(plan.reference_run(config), *plan.drawn_runs(config)),
+        "tissue_networks": networks_of_elements(config),
+        "table_2": ["results/tables/table_2.csv"],
+    }
+
+
+def _claims_config(config: Config) -> dict[str, Any]:
+    large = FIGURE_PROTOCOLS[0]
+    return {
+        "statements": statements(),
+        "case": FIGURE_NETWORK,
+        "survey": list(SURVEY_NETWORKS),
+        "large": large,
+        "load_set": config["tissue"]["load_set"],
+        **{key: config[key] for key in ("claims", "load_sets", "named", "fit")},
     }
 
 
@@ -97,6 +149,13 @@ MULTISCALE_STAGES: dict[str, Stage] = {
         inputs=_table_2_inputs,
         config=lambda config, _: {"reference": plan.reference_run(config)},
         instances=_timed,
+    ),
+    "claims": Stage(
+        module="fibrous.study.claims",
+        outputs={"claims": "results/claims.csv"},
+        inputs=lambda config, _: _claims_inputs(config),
+        config=lambda config, _: _claims_config(config),
+        instances=_audited,
     ),
     "microstructure": Stage(
         module="fibrous.study.microstructure",

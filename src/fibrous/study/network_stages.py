@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fibrous.study import plan
-from fibrous.study.batches import share
+from fibrous.study.batches import replicate_numbers, replicated, share
 from fibrous.study.plan import CASE_PATH, CASE_PROTOCOL, FIGURE_NETWORK, FIGURE_PROTOCOLS, Config, Stage, Wildcards
 
 SPECIMEN = "results/tissue/specimen.nc"
@@ -67,6 +67,11 @@ def _networks_config(config: Config, wildcards: Wildcards) -> dict[str, Any]:
         # How many networks there are is only known to who reads the specimen.
         batches = {"batch": batch, "batches": plan.parts(config, ensemble)}
         return {**part, **batches, "seed": config["seed"], "cube": config["cube"]}
+    if ensemble == "replicates":
+        every = replicate_numbers(len(config["named"]), config["replicates"]["seeds"])
+        numbers = [every[i] for i in share(len(every), plan.parts(config, ensemble), batch)]
+        entries = [config["named"][replicated(number)] for number in numbers]
+        return {**part, "seed": config["seed"], "cube": config["cube"], "numbers": numbers, "replicated": entries}
     total = {"delaunay": config["delaunay"]["networks"], "named": len(config["named"])}
     total["file"] = len(config["network_files"])
     part["numbers"] = share(total[ensemble], plan.parts(config, ensemble), batch)

@@ -47,8 +47,8 @@ def _asked(inputs: Mapping[str, list[Path]], config: Mapping[str, Any]) -> tuple
         elements = share(len(network), batches, config["batch"])
         return network[elements], list(specimen["structure_tensor"].values[elements])
     numbers = np.array(config["numbers"])
-    if config["ensemble"] == "named":
-        entries = [config["named"][number] for number in numbers]
+    entries = _entries(config, numbers)
+    if entries:
         tensors = [np.diag([entry["H11"], entry["H22"], 1.0 - entry["H11"] - entry["H22"]]) for entry in entries]
         return numbers, tensors
     least, most = config["delaunay"]["H11"]
@@ -59,7 +59,14 @@ def _asked(inputs: Mapping[str, list[Path]], config: Mapping[str, Any]) -> tuple
 def _names(config: Mapping[str, Any], numbers: np.ndarray) -> list[str]:
     if config["ensemble"] == "file":
         return [entry["name"] for entry in config["network_files"]]
-    return [config["named"][number]["name"] if config["ensemble"] == "named" else "" for number in numbers]
+    return [entry["name"] for entry in _entries(config, numbers)] or [""] * len(numbers)
+
+
+def _entries(config: Mapping[str, Any], numbers: np.ndarray) -> list[Mapping[str, Any]]:
+    """What the config says of named networks, or of those that are replicated; nothing in other ensembles."""
+    if config["ensemble"] == "replicates":
+        return list(config["replicated"])
+    return [config["named"][number] for number in numbers] if config["ensemble"] == "named" else []
 
 
 def _packed(

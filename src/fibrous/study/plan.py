@@ -57,8 +57,8 @@ class Run:
 
 
 def ensembles(config: Config) -> list[str]:
-    """Ensembles of the study: the 750, the named networks and those of the tissue, or the user's own."""
-    return ["file"] if config["network"] == "file" else ["delaunay", "named", "tissue"]
+    """Ensembles of the study: the 750, the named networks, replicates of these, the tissue's; or the user's own."""
+    return ["file"] if config["network"] == "file" else ["delaunay", "named", "replicates", "tissue"]
 
 
 def protocols(config: Config) -> list[str]:
@@ -91,11 +91,14 @@ def compared_protocols(config: Config) -> list[str]:
 
 def parts(config: Config, ensemble: str) -> int:
     """Number of batches of an ensemble."""
-    if ensemble == "file":
-        return min(config["delaunay"]["batches"], len(config["network_files"]))
-    if ensemble == "tissue":
-        return min(config["tissue"]["batches"], element_count(config) or config["tissue"]["batches"])
-    return {"delaunay": config["delaunay"]["batches"], "named": 1}[ensemble]
+    match ensemble:
+        case "file":
+            return min(config["delaunay"]["batches"], len(config["network_files"]))
+        case "named":
+            return 1
+        case "tissue":
+            return min(config["tissue"]["batches"], element_count(config) or config["tissue"]["batches"])
+    return config[ensemble]["batches"]
 
 
 def element_count(config: Config) -> int:

@@ -1,0 +1,189 @@
+"""The files of the study as what its statements are judged by."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from fibrous import datasets
+from fibrous.audit.costs import Costs
+from fibrous.audit.evidence import Constants, Curves
+from fibrous.audit.finding import Thresholds
+from fibrous.audit.laws import INITIAL, REFIT
+from fibrous.audit.statements import Evidence
+from fibrous.audit.tissue import Tissue
+from fibrous.errors import DatasetError
+from fibrous.study.comparison import fields_of
+from fibrous.study.fit_tables import ALL, SINGLE, fits_of
+from fibrous.study.table_2 import MULTISCALE, TASKS
+
+FIT_COLUMNS = (
+    "network", "name", "load_set", "deformation", "energy", "objective", "H11", "H22", "H33", "lambda_f_max", "C2_MPa",
+    "C3", "r_squared",
+)  # fmt: skip
+# Fields of the curves and the variables of the files that hold them.
+CURVES = {
+    "structure_tensor": "structure_tensor",
+    "deformation_gradient": "deformation_gradient",
+    "magnitude": "magnitude",
+    "averaged_stretch": "averaged_stretch",
+    "strain_energy_density": "strain_energy_density",
+    "cauchy_stress": "cauchy_stress",
+    "orientation": "largest_orientation_eigenvalue",
+    "newton_iterations": "newton_iterations",
+}
+SURFACES = {"C2": "C2", "C3": "C3_eight"}  # the terms that the paper prints
+NETWORK_PARTS = ("assembly", "factorisation", "condensation")
+
+
+def gathered(inputs: Mapping[str, list[Path]], config: Mapping[str, Any]) -> Evidence:
+    """What `inputs` hold for the audit. Raises DatasetError where a file does not hold what is needed."""
+    sets = {entry["name"]: spoken(entry["name"]) for entry in config["load_sets"]}
+    load_sets = {sets[entry["name"]]: tuple(entry["loads"]) for entry in config["load_sets"]}
+    networks = [datasets.read(path, "networks") for path in inputs["networks"]]
+    of_case = [one.isel(network=one["name"].values == config["case"]) for one in networks]
+    large = _curves(inputs["large"])
+    fits = {
+        name: {words: _fits(inputs[name], load_set, ALL) for load_set, words in sets.items()}
+        for name in ("fits_small", "fits_large", "ensemble_fits_small", "ensemble_fits_large")
+    }
+    path = _curves(inputs["path"])
+    surface = datasets.read(inputs["surface"][0], "surface").sel(protocol=config["large"])
+    return Evidence(
+        thresholds=Thresholds(**config["claims"]),
+        load_sets=load_sets,
+        largest_C3=config["fit"]["largest_C3"],
+        case=config["case"],
+        survey=tuple(config["survey"]),
+        asked={entry["name"]: _tensor(entry) for entry in config["named"]},
+        tensors=np.concatenate([one["structure_tensor"].values for one in of_case]),
+        fractions=np.concatenate([one["volume_fraction"].values for one in of_case]),
+        small=_curves(inputs["small"]),
+        large=large,
+        path=path,
+        small_fits=fits["fits_small"],
+        large_fits=fits["fits_large"],
+        case_fits={
+            INITIAL: _fits(inputs["fits_initial"], config["load_set"], ALL).called(config["case"]),
+            REFIT: _fits(inputs["fits_refit"], SINGLE, path.loads[0]).called(config["case"]),
+        },
+        ensemble=_curves(inputs["ensemble"]),
+        ensemble_small_fits=fits["ensemble_fits_small"],
+        ensemble_large_fits=fits["ensemble_fits_large"],
+        surface_r_squared={
+            words: tuple(surface["r_squared"].sel(load_set=name, constant=[*SURFACES.values()]).values.tolist())
+            for name, words in sets.items()
+        },
+        surface_coefficients={
+            constant: {
+                words: surface["coefficient"].sel(load_set=name, constant=which).values for name, words in sets.items()
+            }
+            for constant, which in SURFACES.items()
+        },
+        tissue=_tissue(inputs["tissue"]),
+        element_tensors=np.concatenate(
+            [datasets.read(one, "networks")["structure_tensor"].values for one in inputs["tissue_networks"]]
+        ),
+        costs=_costs(inputs),
+    )
+
+
+def spoken(load_set: str) -> str:
+    """The name of a load set as the audit's sentences say it.
+
+    >>> spoken("section_3_1"), spoken("my_loads")
+    ("section 3.1's loads", 'my loads')
+    """
+    words = load_set.split("_")
+    return f"section {'.'.join(words[1:])}'s loads" if words[0] == "section" else " ".join(words)
+
+
+def _curves(paths: list[Path]) -> Curves:
+    """Curves of the files, one after the other, each with its networks in the order of their numbers."""
+    files = [datasets.read(path, "curves") for path in paths]
+    loads = [tuple(str(load) for load in one["deformation"].values) for one in files]
+    if len(set(loads)) > 1:
+        raise DatasetError(f"{paths[0]}: holds other deformations than one of {paths[-1].parent}; run the rule again")
+    arrays = {field: np.concatenate([_known(one, variable) for one in files]) for field, variable in CURVES.items()}
+    names = np.concatenate([one["name"].values.astype(str) for one in files])
+    return Curves(names=names, loads=loads[0], **arrays)
+
+
+def _known(curves: xr.Dataset, variable: str) -> np.ndarray:
+    """A variable; energy and stress are NaN in states without an equilibrium."""
+    array = curves[variable]
+    if variable in ("strain_energy_density", "cauchy_stress"):
+        array = array.where(curves["converged"])
+    return np.asarray(array.values)
+
+
+def _fits(paths: list[Path], load_set: str, deformation: str) -> Constants:
+    """Fits of Eq. 2 to the energies of one group of loads, table after table."""
+    tables = [
+        fits_of(datasets.read_table(path, FIT_COLUMNS), "structure_tensor", "energy", load_set, deformation)
+        for path in paths
+    ]
+    table = pd.concat([one.sort_values("network", kind="stable") for one in tables])
+    if table.empty:
+        raise DatasetError(f"{paths[0]}: holds no fit to '{deformation}' of '{load_set}'; delete it and run again")
+    return Constants(
+        names=table["name"].fillna("").to_numpy(str),
+        C2=table["C2_MPa"].to_numpy(float),
+        amplitude=table["lambda_f_max"].to_numpy(float),
+        **{field: table[field].to_numpy(float) for field in ("H11", "H22", "H33", "C3", "r_squared")},
+    )
+
+
+def _tensor(entry: Mapping[str, Any]) -> np.ndarray:
+    """H asked of a named network."""
+    return np.diag([entry["H11"], entry["H22"], 1.0 - entry["H11"] - entry["H22"]])
+
+
+def _tissue(paths: list[Path]) -> Tissue:
+    """The runs of Fig. 9: multiscale, initial, refit."""
+    states = [datasets.read(path, "tissue") for path in paths]
+    multiscale, initial, refit = (fields_of(state.isel(step=-1)) for state in states)
+    gradient = states[0]["deformation_gradient"].values[-1]
+    return Tissue(states[0].attrs["origin"], multiscale, initial, refit, gradient)
+
+
+def _costs(inputs: Mapping[str, list[Path]]) -> Costs:
+    reference = inputs["tissue"][0].stem
+    table = datasets.read_table(inputs["table_2"][0], ("method", "runs", "task", "cpu_hours"))
+    rows = zip(table["method"], table["runs"].fillna(""), table["task"], table["cpu_hours"], strict=True)
+    hours = {(method, task): spent for method, runs, task, spent in rows if method != "multiscale" or runs == reference}
+    multiscale, _, refit = (datasets.read(path, "tissue") for path in inputs["tissue"])
+    networks = [datasets.read(path, "networks") for path in inputs["tissue_networks"]]
+    parts = json.loads(multiscale.attrs["cpu_seconds_of_parts"])
+    return Costs(
+        initial=hours["hybrid", TASKS["initial"]],
+        refit=hours["hybrid", TASKS["refit"]],
+        finite_elements=hours["hybrid", TASKS["hybrid"]],
+        multiscale=hours["multiscale", MULTISCALE],
+        fibers=float(np.median(np.concatenate([one["fiber_count"].values for one in networks]))),
+        nodes=float(np.median(np.concatenate([_interior_nodes(one) for one in networks]))),
+        evaluations=_evaluations(refit),
+        network_evaluations=_evaluations(multiscale),
+        hybrid_seconds=refit.attrs["cpu_seconds"],
+        network_seconds=multiscale.attrs["cpu_seconds"],
+        network_share=sum(parts[part] for part in NETWORK_PARTS) / multiscale.attrs["cpu_seconds"],
+        origin=multiscale.attrs["origin"],
+    )
+
+
+def _evaluations(run: xr.Dataset) -> int:
+    """Gauss points times Newton iterations of all steps."""
+    return run.sizes["element"] * run.sizes["gauss_point"] * int(run["newton_iterations"].sum())
+
+
+def _interior_nodes(networks: xr.Dataset) -> np.ndarray:
+    """Nodes of each network that no face moves, shape (networks,)."""
+    ends = np.cumsum(networks["node_count"].values)
+    inside = np.concatenate([[0], np.cumsum(~networks["node_is_boundary"].values)])
+    return np.asarray(inside[ends] - inside[ends - networks["node_count"].values])

@@ -1,0 +1,71 @@
+"""Curves and constants made up so that a statement of the paper is true, half true or false of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from fibrous.audit.evidence import Constants, Curves
+from fibrous.audit.finding import Thresholds
+from fibrous.deformation import Load, averaged_stretch, load_path, matching_magnitude
+from fibrous.fitting.hgo import strain_energy
+from fibrous.study.configuration import loaded
+
+THRESHOLDS = Thresholds(**loaded()["claims"])
+LOADS = ("x_uniaxial", "xy_biaxial", "xz_biaxial", "xy_shear", "xz_shear", "yz_shear")
+SETS = {"with_xz": LOADS[:5], "with_yz": (*LOADS[:4], "yz_shear")}
+CASE = np.diag([0.69, 0.21, 0.10])
+
+
+def curves(
+    factors: Mapping[str, float] | None = None,
+    stretch: float = 1.8,
+    tensors: np.ndarray = CASE,
+    orientation: Mapping[str, float] | None = None,
+    iterations: int = 6,
+    steps: int = 20,
+) -> Curves:
+    """Two networks, of one tensor or of two, whose W is that of Eq. 2, C2 = 0.2 MPa, C3 = 0.5, times a factor a load.
+
+    Loads end at the λ_f of x-stretch `stretch`; `orientation` is h's largest eigenvalue at their ends.
+    """
+    tensors = np.broadcast_to(tensors, (2, 3, 3))
+    rows = []
+    for tensor in tensors:
+        target = float(averaged_stretch(Load.parse("x_uniaxial").deformation_gradient(stretch), tensor))
+        ends = [matching_magnitude(Load.parse(load), tensor, target, 20.0)[0] for load in LOADS]
+        rows.append([load_path(Load.parse(load), end, steps) for load, end in zip(LOADS, ends, strict=True)])
+    magnitude = np.array([[one[0] for one in row] for row in rows])
+    gradient = np.array([[one[1] for one in row] for row in rows])
+    mean = np.array([averaged_stretch(one, tensor) for one, tensor in zip(gradient, tensors, strict=True)])
+    of_load = np.array([(factors or {}).get(load, 1.0) for load in LOADS])
+    turned = np.array([(orientation or {}).get(load, 0.7) for load in LOADS])
+    return Curves(
+        names=np.array(["case"] * 2),
+        loads=LOADS,
+        structure_tensor=tensors,
+        deformation_gradient=gradient,
+        magnitude=magnitude,
+        averaged_stretch=mean,
+        strain_energy_density=strain_energy(0.2, 0.5, mean) * of_load[:, None],
+        cauchy_stress=np.zeros((*magnitude.shape, 3, 3)),
+        orientation=np.broadcast_to(turned[:, None], magnitude.shape),
+        newton_iterations=np.full(magnitude.shape, iterations),
+    )
+
+
+def constants(C2: np.ndarray, C3: np.ndarray, r_squared: float | np.ndarray = 0.9, names: str = "") -> Constants:
+    """Of networks whose H11 grows evenly from 0.33 to 0.80; with `names` one network a letter, called by it."""
+    C2, C3 = np.asarray(C2, dtype=float), np.asarray(C3, dtype=float)
+    H11 = np.linspace(0.33, 0.80, len(C2))
+    return Constants(
+        names=np.array(list(names) or [""] * len(C2)),
+        H11=H11,
+        H22=0.6 * (1.0 - H11),
+        H33=0.4 * (1.0 - H11),
+        C2=C2,
+        C3=C3,
+        r_squared=np.broadcast_to(r_squared, C2.shape).astype(float),
+        amplitude=np.full(len(C2), 1.5),
+    )
