@@ -18,7 +18,7 @@ from fibrous.check import check
 from fibrous.study.configuration import loaded
 from fibrous.study.stages import expected_files, stage_params
 
-COMPANIONS = (".csv", ".vtu", ".feb")
+COMPANIONS = (".csv", ".vtu", ".feb", ".html")
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,7 @@ def made(config, tmp_path_factory):
         match path.suffix:
             case ".nc":
                 xr.Dataset(attrs=attributes).to_netcdf(path, engine="h5netcdf")
-            case ".csv" | ".vtu" | ".feb":
+            case ".csv" | ".vtu" | ".feb" | ".html":
                 path.write_text("a\n")
                 attributes["sha256"] = hashlib.sha256(b"a\n").hexdigest()
                 (folder / f"{name}.json").write_text(json.dumps(attributes))
@@ -84,7 +84,16 @@ def test_another_config_makes_its_stage_and_what_follows_stale(config, made):
 
 def assert_follow_fits(found) -> None:
     """What fits are behind is found, and nothing else: neither networks nor runs without fitted constants."""
-    assert {name.split("/")[1] for name in found} == {"fits", "tables", "figures", "curves", "tissue", "claims.csv"}
+    assert {name.split("/")[1] for name in found} == {
+        "fits",
+        "tables",
+        "figures",
+        "curves",
+        "tissue",
+        "claims.csv",
+        "report",
+        "report.html",
+    }
     assert {name.split("/")[3].partition("_")[0] for name in found if "/curves/" in name} == {"refit"}
     tissue = {Path(name).name for name in found if "/tissue/" in name and name.endswith((".nc", ".vtu", ".feb"))}
     assert {"hgo.nc", "hgo.vtu", "hgo.feb", "hgo_refit.nc", "hgo_surface.nc", "structure_tensor.nc"} <= tissue

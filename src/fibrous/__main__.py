@@ -1,4 +1,7 @@
-"""``python -m fibrous check``: do the results belong to the present config and code? ``describe``: what they hold."""
+"""``python -m fibrous check``: do the results belong to the present config and code? ``describe``: what they hold.
+
+``readme``: put the numbers of the run whose tables lie in docs/run into the README.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,15 @@ import sys
 from pathlib import Path
 
 from fibrous.check import check
+from fibrous.datasets import read_table
 from fibrous.documentation import described
 from fibrous.errors import FibrousError
-from fibrous.study.configuration import loaded
+from fibrous.report.readme import blocks, filled
+from fibrous.report.tables import VIEWS
+from fibrous.study.configuration import PROJECT, loaded
+
+README = PROJECT / "README.md"
+SHOWN_RUN = PROJECT / "docs" / "run"  # the tables of the paper-size run that the README shows
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -19,11 +28,15 @@ def main(arguments: list[str] | None = None) -> int:
     checking = commands.add_parser("check", help="compare the results in this folder with the present config and code")
     checking.add_argument("--config", type=Path, help="a config file merged over the default one, as for the run")
     commands.add_parser("describe", help="print what every file of the study holds, as Markdown")
+    commands.add_parser("readme", help="put the numbers of the tables in docs/run into README.md")
     given = parser.parse_args(arguments)
     if given.command == "describe":
         print(described(), end="")
         return 0
     try:
+        if given.command == "readme":
+            README.write_text(refreshed(README.read_text(encoding="utf-8")), encoding="utf-8")
+            return 0
         lines, total = check(loaded(given.config), Path())
     except FibrousError as error:
         print(error, file=sys.stderr)
@@ -38,6 +51,12 @@ def main(arguments: list[str] | None = None) -> int:
         return 1
     print(f"all {total} files of the study belong to the present config and code")
     return 0
+
+
+def refreshed(page: str) -> str:
+    """The README with the numbers of the run that it shows. Raises DatasetError for a table that cannot be read."""
+    tables = {path.stem: read_table(path, VIEWS[path.stem].needed) for path in sorted(SHOWN_RUN.glob("*.csv"))}
+    return filled(page, blocks(tables))
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from fibrous.provenance import config_hash
 from fibrous.study.stages import Config, expected_files, possible_files, stage_params
 
 # Files with no place for provenance have it beside them.
-WITH_COMPANION = (".csv", ".vtu", ".feb")
+WITH_COMPANION = (".csv", ".vtu", ".feb", ".html")
 LEFT = {
     ".failed.nc": "the converged part of a run that failed",
     ".checkpoint": "of a run that was stopped, which the next one goes on from",

@@ -173,6 +173,20 @@ TABLES: dict[str, dict[str, tuple[str, str]]] = {
         "why": ("", "why, with numbers of the run"),
         "data": ("", "files it is computed from"),
     },
+    "tables/stages.csv": {
+        "stage": ("", "stage of the study"),
+        "reads": ("", "stages whose files its jobs read"),
+        "jobs": ("1", "number of its jobs"),
+        "cpu_seconds": ("s", "CPU seconds that they counted of themselves"),
+        "largest_peak_memory_MB": ("MB", "largest memory of one of them"),
+        "machine": ("", "processor and usable cores"),
+        "versions": ("", "versions of Python and the libraries, as JSON"),
+    },
+    "tables/targets.csv": {
+        "target": ("", "target of the workflow; `all` is the study without its report"),
+        "jobs": ("1", "jobs that it needs from an empty folder"),
+        "cpu_seconds": ("s", "CPU seconds of these jobs"),
+    },
     "tables/comparison.csv": {
         "run": ("", "run of the tissue that is compared with the coupled multiscale simulation, at the last load step"),
         "specimen": ("", "where the specimen comes from"),

@@ -7,12 +7,12 @@ import sys
 from pathlib import Path
 
 from fibrous.errors import FibrousError
-from fibrous.study import convergence, plan, stages
-from fibrous.study.configuration import validated
+from fibrous.report.outline import SECTIONS
+from fibrous.study import configuration, convergence, plan, stages
 from fibrous.study.job import STUDY_CONFIG
 
 try:
-    config = validated(config)
+    config = configuration.validated(config)
 except FibrousError as error:
     # A WorkflowError would wrap the line in file names and line numbers.
     sys.exit(str(error))
@@ -20,6 +20,10 @@ except FibrousError as error:
 # A bare `python` may be another one or none. The rules `exec` it, so that a job is Snakemake's own child and dies with it.
 os.environ.update(PYTHON=sys.executable)
 os.environ[STUDY_CONFIG] = json.dumps(config, sort_keys=True)
+
+
+# Section and title of the figure that each stage draws.
+FIGURES = {one.stage: (section.title, one.title) for section in SECTIONS for one in section.exhibits if one.stage}
 
 
 wildcard_constraints:
@@ -36,7 +40,17 @@ def only_runs(stage):
 
 
 def outputs(stage):
-    return stages.STAGES[stage].outputs
+    found = dict(stages.STAGES[stage].outputs)
+    # Snakemake's own report crops large images and shows no CSV: it gets vectors, and tables as pages.
+    if stage in FIGURES:
+        caption = configuration.CAPTIONS / f"{stage}.rst"
+        found["svg"] = report(
+            found["svg"], str(caption), category=FIGURES[stage][0], labels={"figure": FIGURES[stage][1]}
+        )
+    elif stage == "table_page":
+        caption = configuration.CAPTIONS / "table.rst"
+        found["page"] = report(found["page"], str(caption), category="Tables", labels={"table": "{table}"})
+    return found
 
 
 def inputs(stage):

@@ -3,7 +3,7 @@
 
 rule networks:
     input:
-        stages.files("networks", "networks", config),
+        stages.files_of_target("networks", config),
     message:
         "All networks of the study"
 

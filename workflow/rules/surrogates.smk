@@ -3,17 +3,14 @@
 
 rule curves:
     input:
-        stages.all_curves(config),
-        stages.files("convergence", "convergence", config),
+        stages.files_of_target("curves", config),
     message:
         "All curves of the study, and the list of states that found no equilibrium"
 
 
 rule fits:
     input:
-        stages.files("fits", "fits", config),
-        stages.files("refits", "fits", config),
-        stages.files("convergence", "convergence", config),
+        stages.files_of_target("fits", config),
     message:
         "All fits of the study, and the list of states that found no equilibrium"
 

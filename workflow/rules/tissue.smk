@@ -21,13 +21,7 @@ rule specimen:
 
 rule tissue:
     input:
-        stages.files("specimen", "specimen", config),
-        stages.files("tissue", "tissue", config),
-        stages.files("lagged", "tissue", config),
-        stages.files("multiscale", "tissue", config),
-        stages.files("febio", "feb", config),
-        stages.files("tissue_table", "table", config),
-        stages.files("convergence", "convergence", config),
+        stages.files_of_target("tissue", config),
     message:
         "All finite element runs of the tissue"
 
@@ -102,7 +96,7 @@ rule deform_tissue_with_networks:
         "logs/tissue/{run}.log",
     wildcard_constraints:
         run=only_runs("multiscale"),
-    threads: workflow.cores or 1
+    threads: workflow.resource_settings.cores or 1
     resources:
         mem_mb=6000,
     params:

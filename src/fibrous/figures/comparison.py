@@ -16,6 +16,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from fibrous.datasets import read_table, write_table
 from fibrous.figures import style
+from fibrous.words import law_label
 
 # Panels: column of the tables, title.
 ERRORS = {
@@ -69,7 +70,7 @@ def draw(ends: pd.DataFrame, steps: pd.DataFrame) -> Figure:
         _draw_growth(below, own, looks)
         below.set_xlabel("load step")
         style.panel_letter(below, f"b{column + 1}", dx_mm=1.0)
-    ends_axes[0].set_yticks(range(len(looks)), [style.law_label(model) for model in models.to_dict("records")])
+    ends_axes[0].set_yticks(range(len(looks)), [law_label(model) for model in models.to_dict("records")])
     ends_axes[0].set_ylim(len(looks) - 0.5, -0.5)
     growth_axes[0].set_ylabel("error (%)")
     for axis in (ends_axes[0].xaxis, growth_axes[0].yaxis):

@@ -17,7 +17,6 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from fibrous.datasets import read, write_table
-from fibrous.errors import DatasetError
 from fibrous.figures import style
 from fibrous.figures.curves import (
     amplitude,
@@ -29,6 +28,7 @@ from fibrous.figures.curves import (
     pooled_fits,
     stacked,
 )
+from fibrous.figures.networks import fibers_of, index_of
 from fibrous.figures.projection import XY_VIEW, XZ_VIEW, Camera, draw_axes_cross, draw_fibers, draw_outline, fit_view
 from fibrous.fitting.surface import Region, evaluate
 
@@ -104,7 +104,8 @@ def draw(
     figure = style.new_figure(style.FULL_WIDTH_MM, 185.0)
     grid = figure.add_gridspec(3, len(fits), left=0.068, right=0.992, top=0.945, bottom=0.425, wspace=0.42, hspace=0.1)
     for column, fit in enumerate(fits.to_dict("records")):
-        fibers, tensor = _network(networks, fit["name"])
+        index = index_of(networks, fit["name"])
+        fibers, tensor = fibers_of(networks, index), networks["structure_tensor"].values[index]
         for row, (letter, camera) in enumerate({"a": XY_VIEW, "b": XZ_VIEW}.items()):
             axes = figure.add_subplot(grid[row, column])
             _draw_network(axes, fibers, camera, with_cross=column == 0)
@@ -125,20 +126,6 @@ def draw(
     range_note = f"Fits and surface: load set {surface['load_set'].item()}, {amplitude(states)}."
     figure.text(0.035, 0.004, f"{range_note}\n{notes}", fontsize=6.0)
     return figure
-
-
-def _network(networks: xr.Dataset, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Ends of the fibres of the network of that name, shape (fibers, 2, 3), edges, and its structure tensor (3, 3)."""
-    found = np.flatnonzero(networks["name"].values == name)
-    if found.size != 1:
-        raise DatasetError(f"the networks hold {found.size} named '{name}' where the figure draws one")
-    number = int(found[0])
-    rows = {}
-    for dim in ("node", "fiber"):
-        counts = networks[f"{dim}_count"].values
-        rows[dim] = slice(int(counts[:number].sum()), int(counts[: number + 1].sum()))
-    nodes = networks["node_position"].values[rows["node"]]
-    return nodes[networks["fiber_nodes"].values[rows["fiber"]]], networks["structure_tensor"].values[number]
 
 
 def _draw_network(axes: Axes, fibers: np.ndarray, camera: Camera, with_cross: bool) -> None:

@@ -14,6 +14,7 @@ from matplotlib.lines import Line2D
 
 from fibrous.datasets import read_table, write_table
 from fibrous.figures import style
+from fibrous.words import law_label
 
 NETWORK = "network"
 PANELS = {"a": ("initial", "initial fit"), "b": ("refit", "refit")}
@@ -104,7 +105,7 @@ def _handles(stresses: pd.DataFrame) -> list[Line2D]:
     numbers = _numbers(stresses)
     for model in stresses.drop_duplicates("model").to_dict("records"):
         if model["model"] != NETWORK:
-            handles.append(Line2D([], [], **style.model_style(numbers[model["model"]]), label=style.law_label(model)))
+            handles.append(Line2D([], [], **style.model_style(numbers[model["model"]]), label=law_label(model)))
     return handles
 
 

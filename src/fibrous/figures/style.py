@@ -83,7 +83,6 @@ _MODEL_COLORS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9
 _MODEL_LINES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (5, 1.5, 1, 1.5)), (0, (1.5, 1.2)), (0, (3, 3)), "-.")
 
 _MODEL_MARKERS = ("o", "s", "D", "^", "v", "P")
-_FORMS = {"structure_tensor": "Eq. 2", "families": "Eq. 10C"}
 
 # Blue where a fibre is shorter than at rest, grey at rest (white would vanish on paper), red-brown where it is longer.
 _STRETCH_MAP = LinearSegmentedColormap.from_list(
@@ -131,6 +130,11 @@ def panel_letter(axes: Axes, letter: str, dx_mm: float = -1.0, dy_mm: float = 1.
     )
 
 
+def arrow(width: float, head: float, color: str = INK) -> dict[str, Any]:
+    """Look of a straight arrow with a line and a head of these sizes in points."""
+    return {"arrowstyle": "-|>", "mutation_scale": head, "lw": width, "color": color, "shrinkA": 0, "shrinkB": 0}
+
+
 def load_label(name: str) -> str:
     """The load as the paper writes it: ``xy_shear`` becomes ``xy-shear``."""
     return name.replace("_", "-")
@@ -151,18 +155,6 @@ def model_style(number: int) -> dict[str, Any]:
 def model_marker(number: int) -> str:
     """Marker of the law with that number in its table."""
     return _MODEL_MARKERS[number % len(_MODEL_MARKERS)]
-
-
-def law_label(model: Mapping[Any, Any]) -> str:
-    """What a law is and where its constants come from, by `law`, `constants`, `energy` and `objective` of its table."""
-    if model["law"] in ("matrix", "affine"):
-        return {"matrix": "matrix alone", "affine": "affine fibres, nothing fitted"}[model["law"]]
-    if model["constants"] == "surface":
-        return f"surface of Eq. 11, {_FORMS[model['law']]} run"
-    fitted = f"{_FORMS[model['energy']]} fitted" + (" to stress" if model["objective"] == "stress" else "")
-    if model["law"] != model["energy"]:
-        return f"{fitted}, {_FORMS[model['law']]} run"
-    return fitted if model["objective"] == "stress" else f"{fitted} and run"
 
 
 def fit_style(number: int) -> dict[str, Any]:

@@ -26,6 +26,8 @@ PROJECT = Path(fibrous.__file__).parents[2]
 SCHEMA = PROJECT / "workflow" / "schemas" / "config.schema.yaml"
 DEFAULT = PROJECT / "config" / "config.yaml"
 CLAIMS = PROJECT / "config" / "claims.yaml"
+CAPTIONS = PROJECT / "workflow" / "report"
+TEMPLATES = Path(fibrous.__file__).parent / "report"
 
 
 def validated(config: Mapping[str, Any]) -> Config:
@@ -70,20 +72,31 @@ def loaded(override: Path | None = None) -> Config:
 @cache
 def statements() -> list[dict[str, Any]]:
     """What the paper says, as config/claims.yaml has it. Raises ConfigError where that cannot be read."""
-    found = _parsed(CLAIMS)
+    found = parsed(CLAIMS)
     if not isinstance(found, list):
         raise ConfigError(f"{CLAIMS}: must hold a list of statements")
     return found
 
 
+@cache
+def caption(name: str) -> str:
+    """What the report says below a figure, from the file that Snakemake's own report shows. Raises ConfigError."""
+    path = CAPTIONS / f"{name}.rst"
+    try:
+        return " ".join(path.read_text(encoding="utf-8").split())
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}; write the caption of {name}") from None
+
+
 def _read(path: Path) -> Config:
-    content = _parsed(path)
+    content = parsed(path)
     if not isinstance(content, dict):
         raise ConfigError(f"{path}: must hold keys and values at its top level")
     return content
 
 
-def _parsed(path: Path) -> Any:
+def parsed(path: Path) -> Any:
+    """What a YAML file holds. Raises ConfigError where it cannot be read."""
     try:
         return yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:

@@ -15,6 +15,7 @@ from fibrous.study import plan
 from fibrous.study.multiscale_stages import MULTISCALE_STAGES
 from fibrous.study.network_stages import NETWORK_STAGES
 from fibrous.study.plan import Config, Stage, Wildcards
+from fibrous.study.report_stages import report_stages, target_stages
 from fibrous.study.tissue_stages import TISSUE_STAGES
 
 # What a part of the config says of the tissue that the files come from: a synthetic one is called so everywhere.
@@ -33,6 +34,7 @@ STAGES: dict[str, Stage] = {
         instances=lambda _: [{}],
     ),
 }
+STAGES |= report_stages(dict(STAGES))
 
 
 def stage_params(stage: str, config: Config, wildcards: Wildcards) -> dict[str, Any]:
@@ -94,6 +96,12 @@ def files(stage: str, output: str, config: Config, **wanted: str) -> list[str]:
         for wildcards in STAGES[stage].instances(config)
         if all(wildcards[name] == value for name, value in wanted.items())
     ]
+
+
+def files_of_target(target: str, config: Config) -> list[str]:
+    """Every file that the target of a rule makes."""
+    wanted = target_stages(target)
+    return [path for path, stage, _ in possible_files(config) if stage in wanted]
 
 
 def all_curves(config: Config) -> list[str]:

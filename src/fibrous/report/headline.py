@@ -1,0 +1,76 @@
+"""What came out, in a few sentences: the first screen of the report and of the README.
+
+Tables are those of results/claims.csv, results/tables/table_2.csv and results/tables/comparison.csv.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import pandas as pd
+
+from fibrous.audit.finding import Verdict, percent
+
+MIXTURE = {"law": "families", "energy": "structure_tensor", "objective": "energy"}
+ONE_LAW = {
+    "Eq. 2": {"law": "structure_tensor", "energy": "structure_tensor", "objective": "energy"},
+    "Eq. 10C": {"law": "families", "energy": "families", "objective": "energy"},
+}
+
+
+def counted(claims: pd.DataFrame) -> dict[str, int]:
+    """How many statements got each verdict."""
+    return {verdict.value: int((claims["verdict"] == verdict.value).sum()) for verdict in Verdict}
+
+
+def headline(tables: Mapping[str, pd.DataFrame]) -> list[str]:
+    """Sentences from the `tables` that there are, by the names of fibrous.report.tables."""
+    return [sentence for name, speak in SPEAKERS.items() if name in tables for sentence in speak(tables[name])]
+
+
+def _of_claims(claims: pd.DataFrame) -> Iterator[str]:
+    found = [f"{count} {verdict}" for verdict, count in counted(claims).items() if count]
+    yield f"Of {len(claims)} checkable statements of the paper: {', '.join(found)}."
+
+
+def _of_costs(table: pd.DataFrame) -> Iterator[str]:
+    rows: list[dict[Any, Any]] = table.to_dict("records")
+    hybrid = next(row["cpu_hours"] for row in rows if (row["method"], row["task"]) == ("hybrid", "total"))
+    one = next(row for row in rows if row["method"] == "multiscale" and not pd.isna(row["paper_cpu_hours"]))
+    yield (
+        f"The coupled simulation, a network in equilibrium at every Gauss point, costs {60.0 * one['cpu_hours']:.2g} "
+        f"CPU-minutes here, where the paper prints {one['paper_cpu_hours']:,.0f} CPU-hours. The hybrid method costs "
+        f"{60.0 * hybrid:.2g} CPU-minutes: the coupled simulation takes {one['times_hybrid']:.2g} times as long, where "
+        f"the paper has {one['times_hybrid_paper']:,.0f} times ({one['specimen']})."
+    )
+
+
+def _of_errors(table: pd.DataFrame) -> Iterator[str]:
+    parts = []
+    mixture = _errors(table, MIXTURE)
+    if mixture:
+        parts.append(f"the law as the paper runs it, Eq. 2 fitted and Eq. 10C run, is {mixture} off")
+    alone = [f"{name} {said}" for name, law in ONE_LAW.items() if (said := _errors(table, law))]
+    if alone:
+        parts.append(f"fitted and run as one law, {' and '.join(alone)}")
+    affine = _errors(table, {"law": "affine"})
+    if affine:
+        parts.append(f"the networks' own fibres stretched affinely, with nothing fitted, {affine}")
+    if parts:
+        yield (
+            "In maximum shear stress, as root mean square error over the coupled simulation's own root mean square, "
+            f"{'; '.join(parts)} ({table['specimen'].iloc[0]})."
+        )
+
+
+SPEAKERS = {"claims": _of_claims, "table_2": _of_costs, "comparison": _of_errors}
+
+
+def _errors(table: pd.DataFrame, law: dict[str, str]) -> str:
+    """Errors of a law in words, initial and after its last refit; nothing where it was not run."""
+    for column, value in law.items():
+        table = table[table[column] == value]
+    errors = table.sort_values("refits")["shear_stress_relative_rms_error"].tolist()
+    said = percent(errors[0]) if errors else ""
+    return said if len(errors) < 2 else f"{said} ({percent(errors[-1])} after the refit)"

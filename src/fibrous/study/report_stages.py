@@ -1,0 +1,195 @@
+"""Stages that tell the study: the method in pictures, what every stage cost, tables as pages, the report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from fibrous.report.outline import TARGETS, exhibits
+from fibrous.report.tables import VIEWS
+from fibrous.study import plan
+from fibrous.study.configuration import TEMPLATES, caption
+from fibrous.study.network_stages import SPECIMEN, contents, curves_of, figure, once
+from fibrous.study.plan import FIGURE_NETWORK, FIGURE_PROTOCOLS, REFIT, Config, Stage
+from fibrous.study.tissue_stages import TISSUE, networks_of_elements
+
+COSTS, TARGET_COSTS = "results/tables/stages.csv", "results/tables/targets.csv"
+# Targets that gather the files of several stages, or of one with another name; any other is the stage of its name.
+GATHERING = {
+    "curves": ("curves", "refit_curves", "convergence"),
+    "fits": ("fits", "refits", "convergence"),
+    "table_1": ("surface",),
+    "tissue": ("specimen", "tissue", "lagged", "multiscale", "febio", "tissue_table", "convergence"),
+}
+
+
+@dataclass(frozen=True)
+class Job:
+    """One job of the study: its stage, the files that it writes and reads, and the one that says what it cost."""
+
+    stage: str
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+
+    @property
+    def accounted(self) -> str:
+        """Pictures do not say what they cost: equal inputs give equal bytes."""
+        return next(path for path in self.outputs if not path.endswith((".png", ".svg")))
+
+
+def report_stages(stages: Mapping[str, Stage]) -> dict[str, Stage]:
+    """The stages of this module, which tell a study of these other stages."""
+    figures = {
+        "figure_2": figure(
+            "figure_2",
+            {"data": ".csv"},
+            inputs=lambda _: {
+                "networks": ["results/networks/named/00.nc"],
+                "states": [f"results/states/named/{FIGURE_NETWORK}_{FIGURE_PROTOCOLS[0]}.nc"],
+                "curves": [f"results/curves/named/{FIGURE_PROTOCOLS[0]}/00.nc"],
+                "fits": [f"results/fits/named/{FIGURE_PROTOCOLS[0]}.csv"],
+            },
+            config=lambda config: {
+                "network": FIGURE_NETWORK,
+                "load_set": config["load_sets"][0],
+                "stages": flow(stages, config),
+            },
+        ),
+        "figure_4": figure(
+            "figure_4",
+            {"data": ".csv"},
+            inputs=_figure_4_inputs,
+            config=lambda config: {
+                "load_set": next(one for one in config["load_sets"] if one["name"] == config["tissue"]["load_set"]),
+                "stages": flow(stages, config),
+            },
+            instances=_refitted_between_runs,
+        ),
+    }
+    told = {**stages, **figures}
+    return {
+        **figures,
+        "stage_costs": Stage(
+            module="fibrous.study.stage_costs",
+            outputs={"stages": COSTS, "targets": TARGET_COSTS},
+            inputs=lambda config, _: {"files": [job.accounted for job in jobs(told, config)]},
+            config=lambda config, _: _costs_config(told, config),
+            instances=once,
+        ),
+        "table_page": Stage(
+            module="fibrous.study.table_page",
+            outputs={"page": "results/report/{table}.html"},
+            inputs=lambda _, wildcards: {"table": [VIEWS[wildcards["table"]].path]},
+            config=lambda _, wildcards: {"table": wildcards["table"], "templates": _templates()},
+            instances=lambda config: [{"table": name} for name in (_tables(told, config) if once(config) else [])],
+        ),
+        "report": Stage(
+            module="fibrous.study.report",
+            outputs={"page": "results/report.html"},
+            inputs=lambda config, _: _report_inputs(told, config),
+            config=lambda config, _: _report_config(told, config),
+            instances=once,
+        ),
+    }
+
+
+def jobs(stages: Mapping[str, Stage], config: Config) -> Iterator[Job]:
+    """Every job of these stages but those on demand."""
+    for name, stage in stages.items():
+        for wildcards in stage.instances(config) if not stage.on_demand else []:
+            outputs = (pattern.format_map(wildcards) for pattern in stage.outputs.values())
+            inputs = (path for paths in stage.inputs(config, wildcards).values() for path in paths)
+            yield Job(name, tuple(outputs), tuple(inputs))
+
+
+def flow(stages: Mapping[str, Stage], config: Config) -> list[dict[str, Any]]:
+    """Stages that write data: `stage`, the stages that it `reads`, its number of `jobs`, and the figures `drawn` of it.
+
+    A stage reads itself where one of its jobs reads what another one writes.
+    """
+    every = list(jobs(stages, config))
+    producer = {path: job.stage for job in every for path in job.outputs}
+    reads: dict[str, set[str]] = {}
+    for job in every:
+        reads.setdefault(job.stage, set()).update(producer[path] for path in job.inputs if path in producer)
+    return [
+        {
+            "stage": name,
+            "reads": sorted(reads[name]),
+            "jobs": sum(job.stage == name for job in every),
+            "drawn": [other for other in reads if other.startswith("figure_") and name in reads[other]],
+        }
+        for name in reads
+        if not name.startswith("figure_")
+    ]
+
+
+def target_stages(target: str) -> tuple[str, ...]:
+    """The stages whose files a target makes."""
+    return GATHERING.get(target, (target,))
+
+
+def _costs_config(stages: Mapping[str, Stage], config: Config) -> dict[str, Any]:
+    """Per job its stage and the numbers of the jobs whose files it reads, and per target its stages."""
+    every = list(jobs(stages, config))
+    number = {path: i for i, job in enumerate(every) for path in job.outputs}
+    there = {job.stage for job in every}
+    targets = {target: [name for name in target_stages(target) if name in there] for target in TARGETS}
+    return {
+        "stages": [job.stage for job in every],
+        "reads": [sorted({number[path] for path in job.inputs if path in number}) for job in every],
+        "targets": {target: names for target, names in targets.items() if names},
+    }
+
+
+def _refitted_between_runs(config: Config) -> list[dict[str, str]]:
+    """One instance, where constants are fitted anew between two runs."""
+    return once(config) if any(run.refits and not plan.is_lagged(config, run) for run in plan.runs(config)) else []
+
+
+def _figure_4_inputs(config: Config) -> dict[str, list[str]]:
+    initial, refit = plan.drawn_runs(config)
+    protocol, again = config["tissue"]["protocol"], f"{REFIT}{plan.run_called(config, refit).source}"
+    return {
+        "specimen": [SPECIMEN],
+        "networks": networks_of_elements(config),
+        "curves": curves_of(config, "tissue", protocol),
+        "fits": [f"results/fits/tissue/{protocol}.csv"],
+        "refit_curves": curves_of(config, "tissue", again),
+        "refits": [f"results/fits/tissue/{again}.csv"],
+        "tissue": [TISSUE.format(run=name) for name in (initial, refit)],
+    }
+
+
+def _figures(stages: Mapping[str, Stage], config: Config) -> list[str]:
+    """Stages of the figures of the report, in its order."""
+    return [one.stage for one in exhibits() if one.stage in stages and stages[one.stage].instances(config)]
+
+
+def _tables(stages: Mapping[str, Stage], config: Config) -> list[str]:
+    """Tables that the study makes, as the report calls them, in its order."""
+    written = {path for job in jobs(stages, config) for path in job.outputs} | {COSTS, TARGET_COSTS}
+    return [name for name, view in VIEWS.items() if view.path in written]
+
+
+def _report_inputs(stages: Mapping[str, Stage], config: Config) -> dict[str, list[str]]:
+    return {
+        "figures": [stages[name].outputs["svg"] for name in _figures(stages, config)],
+        "tables": [VIEWS[name].path for name in _tables(stages, config)],
+    }
+
+
+def _templates() -> list[str]:
+    """What the pages' templates hold: they are code that no import reaches."""
+    return contents([str(path) for path in sorted(TEMPLATES.iterdir()) if path.suffix in (".html", ".css")])
+
+
+def _report_config(stages: Mapping[str, Stage], config: Config) -> dict[str, Any]:
+    on_demand = {"microstructure"}  # says nothing of what the report tells
+    return {
+        "figures": [{"stage": name, "caption": caption(name)} for name in _figures(stages, config)],
+        "tables": _tables(stages, config),
+        "templates": _templates(),
+        "study": {key: value for key, value in config.items() if key not in on_demand},
+    }
