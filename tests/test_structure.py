@@ -28,6 +28,7 @@ FORBIDDEN = {
     "material_point": ["networks", "fitting", "hybrid", "specimen", *FORMATS, *ABOVE],
     **{name: ["fitting", "hybrid", *ABOVE] for name in FORMATS},
     "audit": [*FORMATS, *ABOVE],
+    "sensitivity": ["hybrid", "specimen", *FORMATS, *ABOVE],
     "datasets": ["networks", "materials", *TISSUE, *FORMATS, "prediction", "study", "figures"],
     "figures": ["study"],
     "study": ["figures"],

@@ -3,11 +3,12 @@
 import fcntl
 import json
 import os
+import re
 import sys
 from pathlib import Path
 
 from fibrous.errors import FibrousError
-from fibrous.study import convergence, plan, stages
+from fibrous.study import convergence, plan, stages, variants
 from fibrous.study.configuration import validated
 from fibrous.study.job import STUDY_CONFIG
 
@@ -28,6 +29,7 @@ wildcard_constraints:
     batch="[0-9]+",
     run="|".join(run.name for run in plan.runs(config)),
     element="[0-9]+",
+    variant="|".join(re.escape(variant.name) for variant in variants.variants(config)),
 
 
 def only_runs(stage):
