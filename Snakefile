@@ -1,6 +1,6 @@
 # The study of one paper, from random fibres to tissue. `snakemake -j2` runs all of it, `snakemake -j2 figure_3` what one
 # figure needs; other targets: networks, curves, fits, table_1, specimen, tissue, case_study, figure_2, figure_4 to figure_9,
-# figure_specimen, comparison, figure_comparison, table_2, claims, report, microstructure.
+# figure_specimen, comparison, figure_comparison, table_2, claims, report, microstructure, sensitivity.
 # Which part of the config a stage depends on, and which files it reads and writes: src/fibrous/study/stages.py.
 
 from snakemake.utils import min_version
@@ -24,6 +24,7 @@ if config["network"] != "file":
 
     include: "workflow/rules/tissue.smk"
     include: "workflow/rules/multiscale.smk"
+    include: "workflow/rules/sensitivity.smk"
 
     if config["tissue"]["update"] == "lagged":
 

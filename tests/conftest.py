@@ -62,3 +62,12 @@ def quick(tmp_path_factory) -> tuple[Path, str]:
     done = snakemake(folder, "-j2")
     assert done.returncode == 0, done.stderr
     return folder, done.stdout + done.stderr
+
+
+@pytest.fixture(scope="session")
+def quick_sensitivity(tmp_path_factory) -> Path:
+    """The sensitivities of the quick study, made from an empty folder of their own."""
+    folder = tmp_path_factory.mktemp("quick_sensitivity")
+    done = snakemake(folder, "-j2", "sensitivity")
+    assert done.returncode == 0, done.stderr
+    return folder

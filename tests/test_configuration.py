@@ -120,7 +120,7 @@ def test_every_key_of_the_schema_is_described_and_bounded():
         numeric = {"number", "integer"} & set(schema["type"] if isinstance(schema["type"], list) else [schema["type"]])
         if numeric:
             unit = {"um": "µm", "MPa": "MPa", "mm": "mm", "degrees": "degrees"}.get(
-                str(path[-1]).rpartition("_")[2], "1"
+                next(part for part in reversed(path) if isinstance(part, str)).rpartition("_")[2], "1"
             )
             assert schema["unit"] == unit, said(path)
             assert {"minimum", "exclusiveMinimum"} & set(schema), said(path)
@@ -291,6 +291,25 @@ CONTRADICTIONS = [
     (models({"name": "a", "law": "affine", "energy": "families"}), "tissue.models[0].energy says nothing about a"),
     (models(*[{"name": "a", "law": "matrix"}] * 2), "tissue.models[1].name is a, which tissue.models[0] is called"),
     (models(FITTED, {"name": "hgo_refit", "law": "matrix"}), "tissue.models: hgo_refit is the name of a model and of"),
+    ({"sensitivity": {"networks": ["fig6_6"]}}, "sensitivity.networks[0] is fig6_6, must be one of case, fig6_1"),
+    ({"sensitivity": {"networks": ["case", "case"]}}, "sensitivity.networks[1] is case, which the list has already"),
+    ({"sensitivity": {"steps": [5, 5]}}, "sensitivity.steps[1] is 5, which the list has already"),
+    (
+        {"sensitivity": {"edge_length_um": [5.0]}},
+        "sensitivity.edge_length_um[0] is 5, with which cube.volume_fraction is 0.04, which with this radius",
+    ),
+    (
+        {"sensitivity": {"nonlinearity": [2.5, 50.0]}, "principal_stretch_limit": 5},
+        "sensitivity.nonlinearity[1] is 50, with which fiber.nonlinearity is 50, which makes a fiber's force overflow",
+    ),
+    (
+        {"sensitivity": {"amplitude": [0.9]}},
+        "sensitivity.amplitude[0] is 0.9, with which protocols[0].loads[0].magnitude is 0.9, which gives a network",
+    ),
+    (
+        edited("protocols", 0, loads=[{"load": "pull", "deformation_gradient": [[1.8, 0, 0], [0, 1, 0], [0, 0, 1]]}]),
+        "protocols: large lacks a first load with a magnitude, which sensitivity.amplitude varies",
+    ),
     (named(without="fig6_2"), "named lacks fig6_2, which a figure draws"),
     ({"delaunay": {"H11": [0.5, 0.4]}}, "delaunay.H11 is [0.5, 0.4], must rise"),
     ({"delaunay": {"H11": [0.5, 0.92]}}, "delaunay.H11 reaches 0.92, which leaves no room"),

@@ -116,7 +116,7 @@ def test_the_page_says_where_its_numbers_come_from(quick, page):
     shown_config = yaml.safe_load(page.words[page.words.index("seed: 2021\nnetwork:") :])
     whole = quick_config()
     assert shown_config == {key: whole[key] for key in shown_config}
-    assert set(whole) - set(shown_config) == {"microstructure"}
+    assert set(whole) - set(shown_config) == {"microstructure", "sensitivity"}
     assert "differs from the default one in cube, delaunay, replicates, synthetic_specimen, tissue." in page.words
 
 

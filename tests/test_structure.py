@@ -29,6 +29,7 @@ FORBIDDEN = {
     **{name: ["fitting", "hybrid", *ABOVE] for name in FORMATS},
     "audit": [*FORMATS, *ABOVE],
     "report": [*FORMATS, *ABOVE],
+    "sensitivity": ["hybrid", "specimen", *FORMATS, *ABOVE],
     "datasets": ["networks", "materials", *TISSUE, *FORMATS, "prediction", "study", "figures"],
     "figures": ["study"],
     "study": ["figures"],

@@ -30,9 +30,9 @@ def test_the_quick_study_makes_every_file_and_check_agrees(quick):
 
 
 @pytest.mark.parametrize("place", TABLES)
-def test_the_tables_have_the_columns_that_the_page_of_files_lists(quick, place):
-    folder, _ = quick
-    paths = [path for path in (folder / "results").rglob("*.csv") if fnmatch(str(path), f"*/results/{_as_glob(place)}")]
+def test_the_tables_have_the_columns_that_the_page_of_files_lists(quick, quick_sensitivity, place):
+    tables = [path for folder in (quick[0], quick_sensitivity) for path in (folder / "results").rglob("*.csv")]
+    paths = [path for path in tables if fnmatch(str(path), f"*/results/{_as_glob(place)}")]
     assert paths
     for path in paths:
         assert pd.read_csv(path, nrows=0).columns.tolist() == list(TABLES[place])
@@ -88,6 +88,7 @@ def test_a_second_run_does_nothing(quick):
         "figure_4",
         "report",
         "microstructure",
+        "sensitivity",
     ],
 )
 def test_a_named_target_makes_its_own_files(tmp_path, target):

@@ -116,6 +116,19 @@ CHANGES = {
         f"claims.{key}": (0.9 * value if value > 1.2 else 0.5 + 0.5 * value, first_hit("claims"))
         for key, value in quick_config()["claims"].items()
     },
+    # Sensitivities are made on demand, and nothing is made from them.
+    **{
+        f"sensitivity.{key}": (value, set)
+        for key, value in {
+            "networks": ["fig6_4"],
+            "seeds": 3,
+            "edge_length_um": [12.0],
+            "volume_fraction": [0.07],
+            "nonlinearity": [3.0],
+            "amplitude": [1.3],
+            "steps": [7],
+        }.items()
+    },
     "tissue.linear_solver": ("direct", first_hit("tissue", "multiscale")),
 }
 # Which networks, protocols and models there are, and whose, is the subject of tests of their own.

@@ -65,6 +65,26 @@ _SHEAR_STRESS_RELATIVE = ("1", "root mean square error of maximum shear stress o
 _SHEAR_STRAIN_RELATIVE = ("1", "root mean square error of maximum shear strain over that of the reference itself")
 _CAUCHY_RELATIVE = ("1", "root mean square error of the Cauchy tensor over that of the reference itself")
 _REACTION_RELATIVE = ("1", "error of the reaction over the size of the reference's own")
+_CONSTANTS = {
+    "C2": ("MPa", "C2 of Eq. 2, fitted to the energy of the load set"),
+    "C3": ("1", "C3 of Eq. 2"),
+    "r_squared": ("1", "coefficient of determination of the fit"),
+    "stress_error": (
+        "1",
+        "root mean square of Eq. 2's Cauchy stress less the network's along Eq. 9's path, Frobenius norm, over that of "
+        "the network's own",
+    ),
+}
+_LEFT_OUT = {
+    "states_failed": ("1", "states of the load set without an equilibrium, which are left out"),
+    "judged_states_failed": ("1", "states along Eq. 9's path without an equilibrium, which are left out"),
+    "loads_limited": ("1", "loads of the set that end at the limit of the principal stretch"),
+}
+_VARIED = {
+    "factor": ("", "key of `sensitivity` in the config that is varied, `base` for the study's own values"),
+    "value": ("1", "its value, in `unit`; empty for the base"),
+    "unit": ("", "unit of the value"),
+}
 TABLES: dict[str, dict[str, tuple[str, str]]] = {
     "fits/{ensemble}/{protocol}.csv": _FIT,
     "tables/table_1.csv": {
@@ -186,6 +206,45 @@ TABLES: dict[str, dict[str, tuple[str, str]]] = {
         "target": ("", "target of the workflow; `all` is the study without its report"),
         "jobs": ("1", "jobs that it needs from an empty folder"),
         "cpu_seconds": ("s", "CPU seconds of these jobs"),
+    },
+    "sensitivity/{variant}.csv": {
+        **_VARIED,
+        "network": ("", "name of the alignment"),
+        "replicate": ("1", "number of the network in the ensemble of replicates, from which its seed follows"),
+        "seed": ("1", "seed from which this network alone is generated"),
+        "load_set": ("", "load set fitted"),
+        **{{"C2": "C2_MPa"}.get(name, name): said for name, said in _CONSTANTS.items()},
+        "lambda_f_max": ("1", "amplitude: largest averaged stretch fitted"),
+        "points_used": ("1", "states fitted"),
+        **_LEFT_OUT,
+        "fibers": ("1", "fibers of the network"),
+    },
+    "tables/sensitivity.csv": {
+        "factor": ("", "key of `sensitivity` in the config that is varied"),
+        "unit": _VARIED["unit"],
+        "value": ("1", "its value, in `unit`"),
+        "network": ("", "name of the alignment"),
+        "load_set": ("", "load set fitted"),
+        "is_base": ("1", "whether the value is the study's own"),
+        "replicates": ("1", "networks summed up"),
+        **{
+            f"{name}_{of}{'_MPa' if unit == 'MPa' else ''}": (unit, f"{of} over the networks: {meaning}")
+            for name, (unit, meaning) in _CONSTANTS.items()
+            for of in ("median", "least", "largest")
+        },
+        **{
+            f"{name}_over_base": ("1", f"median of {name} over that of the base; empty where that is 0")
+            for name in _CONSTANTS
+        },
+        **_LEFT_OUT,
+    },
+    "tables/sensitivity_sentences.csv": {
+        "factor": ("", "what is varied; also `shear_directions`, the load sets, and `seeds`, the networks"),
+        "sentence": (
+            "",
+            "how far medians over networks move, in cases of an alignment and a load set each, and whether by more "
+            "than the base's networks are apart",
+        ),
     },
     "tables/comparison.csv": {
         "run": ("", "run of the tissue that is compared with the coupled multiscale simulation, at the last load step"),

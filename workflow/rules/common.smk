@@ -3,12 +3,13 @@
 import fcntl
 import json
 import os
+import re
 import sys
 from pathlib import Path
 
 from fibrous.errors import FibrousError
 from fibrous.report.outline import SECTIONS
-from fibrous.study import configuration, convergence, plan, stages
+from fibrous.study import configuration, convergence, plan, stages, variants
 from fibrous.study.job import STUDY_CONFIG
 
 try:
@@ -32,6 +33,7 @@ wildcard_constraints:
     batch="[0-9]+",
     run="|".join(run.name for run in plan.runs(config)),
     element="[0-9]+",
+    variant="|".join(re.escape(variant.name) for variant in variants.variants(config)),
 
 
 def only_runs(stage):

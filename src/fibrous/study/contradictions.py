@@ -21,6 +21,7 @@ from fibrous.study.plan import (
     SURVEY_NETWORKS,
     Config,
 )
+from fibrous.study.variants import FACTORS, FITTED_PROTOCOL, Variant, varied
 
 SURFACE_TERMS = 9
 RESERVED = ("specimen", "table", "comparison")  # names of files beside those of the runs
@@ -46,6 +47,7 @@ def contradictions(config: Config) -> Iterator[str]:
         yield from _tissue(config)
         yield from _microstructure(config)
         yield from _claims(config)
+        yield from _sensitivity(config)
 
 
 def _repeated(config: Config) -> Iterator[str]:
@@ -338,6 +340,31 @@ def _claims(config: Config) -> Iterator[str]:
     for entry in config["protocols"]:
         for load in sorted({"xy_biaxial", "xz_biaxial"} - plan.loads(entry)) if entry["name"] == large else ():
             yield f"protocols: {large} lacks {load}, which the claims need"
+
+
+def _sensitivity(config: Config) -> Iterator[str]:
+    """Networks that are not there, values given twice, and values that would contradict the rest of the config."""
+    part, names = config["sensitivity"], [entry["name"] for entry in config["named"]]
+    for i, name in enumerate(part["networks"]):
+        if name not in names:
+            yield f"sensitivity.networks[{i}] is {name}, must be one of {', '.join(names)}"
+        if name in part["networks"][:i]:
+            yield f"sensitivity.networks[{i}] is {name}, which the list has already"
+    protocol = next((entry for entry in config["protocols"] if entry["name"] == FITTED_PROTOCOL), None)
+    if protocol is None or "magnitude" not in protocol["loads"][0]:
+        yield f"protocols: {FITTED_PROTOCOL} lacks a first load with a magnitude, which sensitivity.amplitude varies"
+        return
+    known = {*_cube(config), *_loads(config)}
+    for factor in FACTORS:
+        variants = [Variant(factor, value) for value in part[factor]]
+        for i, variant in enumerate(variants):
+            path = f"sensitivity.{factor}[{i}] is {variant.value:g}"
+            if variant.name in [other.name for other in variants[:i]]:
+                yield f"{path}, which the list has already"
+            changed = varied(config, variant)
+            for problem in (*_cube(changed), *_loads(changed)):
+                if problem not in known:
+                    yield f"{path}, with which {problem}"
 
 
 def _model(config: Config, model: Config, path: str) -> Iterator[str]:

@@ -186,7 +186,7 @@ def _templates() -> list[str]:
 
 
 def _report_config(stages: Mapping[str, Stage], config: Config) -> dict[str, Any]:
-    on_demand = {"microstructure"}  # says nothing of what the report tells
+    on_demand = {"microstructure", "sensitivity"}  # says nothing of what the report tells
     return {
         "figures": [{"stage": name, "caption": caption(name)} for name in _figures(stages, config)],
         "tables": _tables(stages, config),

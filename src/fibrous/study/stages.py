@@ -16,6 +16,7 @@ from fibrous.study.multiscale_stages import MULTISCALE_STAGES
 from fibrous.study.network_stages import NETWORK_STAGES
 from fibrous.study.plan import Config, Stage, Wildcards
 from fibrous.study.report_stages import report_stages, target_stages
+from fibrous.study.sensitivity_stages import SENSITIVITY_STAGES
 from fibrous.study.tissue_stages import TISSUE_STAGES
 
 # What a part of the config says of the tissue that the files come from: a synthetic one is called so everywhere.
@@ -25,6 +26,7 @@ STAGES: dict[str, Stage] = {
     **NETWORK_STAGES,
     **TISSUE_STAGES,
     **MULTISCALE_STAGES,
+    **SENSITIVITY_STAGES,
     # Every state of every curve, those along the deformations of the tissue included.
     "convergence": Stage(
         module="fibrous.study.convergence",

@@ -1,0 +1,77 @@
+"""What the sensitivities vary: one number of the study at a time, everything else as the config has it."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from typing import Any
+
+from fibrous.study import plan
+from fibrous.study.plan import FIGURE_PROTOCOLS, Config
+
+# Keys under `sensitivity` that list values, with their unit.
+FACTORS = {"edge_length_um": "µm", "volume_fraction": "1", "nonlinearity": "1", "amplitude": "1", "steps": "1"}
+BASE = "base"
+FITTED_PROTOCOL = FIGURE_PROTOCOLS[0]
+
+
+@dataclass(frozen=True)
+class Variant:
+    """The study with one number replaced; the base has the study's own numbers, and no value."""
+
+    factor: str = BASE
+    value: float | None = None
+
+    @property
+    def name(self) -> str:
+        """Of its files.
+
+        >>> Variant("volume_fraction", 0.02).name, Variant().name
+        ('volume_fraction_0.02', 'base')
+        """
+        return BASE if self.value is None else f"{self.factor}_{self.value:.6g}"
+
+
+def variants(config: Config) -> list[Variant]:
+    """The base, then every value of every factor that is not the study's own; none of a user's networks."""
+    if config["network"] == "file":
+        return []
+    others = [
+        Variant(factor, value)
+        for factor in FACTORS
+        for value in config["sensitivity"][factor]
+        if value != own_value(config, factor)
+    ]
+    return [Variant(), *others]
+
+
+def variant_called(config: Config, name: str) -> Variant:
+    """The variant of that name."""
+    return next(variant for variant in variants(config) if variant.name == name)
+
+
+def own_value(config: Config, factor: str) -> float:
+    """The study's own value of a factor."""
+    section, key = _place(config, factor)
+    return section[key]
+
+
+def varied(config: Config, variant: Variant) -> Config:
+    """The config with the variant's value in its place."""
+    changed = copy.deepcopy(config)
+    if variant.value is not None:
+        section, key = _place(changed, variant.factor)
+        section[key] = variant.value
+    return changed
+
+
+def _place(config: Config, factor: str) -> tuple[Any, str]:
+    """The mapping of the config that holds a factor, and its key there."""
+    match factor:
+        case "nonlinearity":
+            return config["fiber"], factor
+        case "amplitude":
+            return plan.protocol(config, FITTED_PROTOCOL)["loads"][0], "magnitude"
+        case "steps":
+            return plan.protocol(config, FITTED_PROTOCOL), factor
+    return config["cube"], factor
