@@ -62,7 +62,7 @@ LEFT = (0.01, 0.25, 0.495, 0.765)
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
     """Draw config["network"] of inputs["networks"] with its states, curves and fits, for config["load_set"].
 
-    config["stages"] says of every stage how many jobs it is. Writes outputs["data"], the points and curves of panels c
+    config["jobs"] says of each stage how many jobs it is. Writes outputs["data"], the points and curves of panels c
     and d, and outputs["png"], outputs["svg"].
     """
     config = params["config"]
@@ -74,8 +74,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     table = energy_table(curves, fits, "name")
     write_table(table, outputs["data"], params)
     networks, states = read(inputs["networks"][0], "networks"), read(inputs["states"][0], "states")
-    jobs = {stage["stage"]: int(stage["jobs"]) for stage in config["stages"]}
-    style.save(draw(networks, states, curves, fits, table, jobs), outputs, params)
+    style.save(draw(networks, states, curves, fits, table, config["jobs"]), outputs, params)
 
 
 @matplotlib.rc_context(style.SHEET)

@@ -53,7 +53,7 @@ def report_stages(stages: Mapping[str, Stage]) -> dict[str, Stage]:
             config=lambda config: {
                 "network": FIGURE_NETWORK,
                 "load_set": config["load_sets"][0],
-                "stages": flow(stages, config),
+                "jobs": {name: len(stages[name].instances(config)) for name in ("networks", "curves", "fits")},
             },
         ),
         "figure_4": figure(
