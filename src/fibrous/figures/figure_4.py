@@ -17,6 +17,7 @@ from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch, PathPatch
 from matplotlib.path import Path as Outline
+from matplotlib.ticker import MaxNLocator
 
 from fibrous.datasets import read, read_table, write_table
 from fibrous.errors import DatasetError
@@ -128,7 +129,7 @@ def draw(specimen: xr.Dataset, runs: Sequence[Run], followed: Followed, stages: 
         left = axes.get_position().x0 - (0.03 if axes.axison else 0.0)
         figure.text(left, 0.965, f"a{number}", fontsize=8.0, fontweight="bold", va="top")
         figure.text(left + 0.026, 0.966, title, va="top")
-    for x in (0.163, 0.322, 0.487, 0.655, 0.825):
+    for x in (0.163, 0.3165, 0.487, 0.652, 0.825):
         _draw_arrow(figure, x)
     origin = specimen.attrs["origin"].capitalize()
     figure.text(0.005, 0.006, f"{origin}. Colour of a4 and a6: maximum shear stress.", fontsize=6.0)
@@ -167,7 +168,7 @@ def _draw_box(axes: Axes, at: tuple[float, float], stage: Mapping[str, Any]) -> 
     numbers = ", ".join(name for name in drawn if name.isdigit())
     axes.text(x, y - 0.17, stage["stage"].replace("_", " "), ha="center", va="center", fontsize=6.0, zorder=5)
     words = f"{stage['jobs']} job{'s' if stage['jobs'] > 1 else ''}\n{'Fig. ' + numbers if numbers else ''}".strip()
-    axes.text(x, y + 0.13, words, ha="center", va="center", fontsize=5.5, color=style.FAINT, zorder=5)
+    axes.text(x, y + 0.13, words, ha="center", va="center", fontsize=6.0, color=style.FAINT, zorder=5)
 
 
 def _draw_path(axes: Axes, points: Sequence[tuple[float, float]]) -> None:
@@ -236,12 +237,13 @@ def _draw_curves(axes: Axes, points: pd.DataFrame) -> None:
     axes.text(0.06, 1.0, label, transform=axes.transAxes, va="top", fontsize=6.0)
     largest = KPA * points.loc[points["kind"] == "network", "strain_energy_density_MPa"].max()
     axes.set_ylim(-0.02 * largest, 1.35 * largest)
+    axes.yaxis.set_major_locator(MaxNLocator(3, steps=[1, 2, 5, 10]))  # whole numbers leave room for the arrow
     axes.set_xlabel("$\\lambda_f$ (1)")
-    axes.set_ylabel("$W$ (kPa)")
+    axes.set_ylabel("$W$ (kPa)", labelpad=1.0)
 
 
 def _draw_arrow(figure: Figure, middle: float) -> None:
-    ends = [(middle + shift, 0.79) for shift in (-0.009, 0.009)]
+    ends = [(middle + shift, 0.79) for shift in (-0.007, 0.007)]
     figure.add_artist(FancyArrowPatch(*ends, transform=figure.transFigure, **style.arrow(1.1, 8.0)))
 
 
