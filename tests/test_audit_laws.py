@@ -25,6 +25,7 @@ from fibrous.audit.tissue import Tissue
 from fibrous.comparison import Fields
 from fibrous.material_point import along_path
 from fibrous.materials.hgo import HGOFamilies, HGOStructureTensor
+from fibrous.specimen import SYNTHETIC
 
 # Laws under Eq. 9 --------------------------------------------------------------------------------------------------
 
@@ -222,8 +223,10 @@ def test_what_only_their_specimen_could_tell_says_so():
     of_stretch = tissue.most_stretched(STATEMENTS["eq9-isochoric"], stretched)
     for found in (tissue.rms(made_up_tissue((1.1, 1.0)), refitted=False), of_stretch):
         assert verdict_of(found) is UNKNOWN
-        assert "one specimen of one seed (made up, 40 elements)" in found.why
+        assert "This is one specimen (made up, 40 elements)" in found.why
     assert "J runs from 1 to 1.33" in of_stretch.why  # 1.1³
+    synthetic = tissue.rms(replace(stretched, origin=SYNTHETIC), refitted=True)
+    assert "one specimen of one seed (synthetic specimen, 40 elements)" in synthetic.why
     assert tissue.rms(made_up_tissue((1.1, 1.0)), refitted=False).here == (
         f"{0.1 * np.sqrt((RAMP**2).mean()):.3g} MPa, 0 %"
     )

@@ -55,14 +55,12 @@ def amplitude(
         f"{large.amplitude[0]:.2f}; C3 {say(small.C3[0])} and {say(large.C3[0])}",
         judged([share_of(same) >= thresholds.most]),
         f"Both constants fitted up to 10 % Green strain (λ_f {span(few.amplitude)}) and up to 112 % "
-        f"({span(many.amplitude)}) "
-        f"agree within a factor of {number(thresholds.same_magnitude)} in {percent(share_of(same))} of {len(same)} "
-        "networks, "
-        f"and the first C2 is {number(middle)} times the second (median; {number(largest)} at most): they belong to "
-        "the range they "
-        "were fitted on. At small strain W grows as a power of λ_f − 1, which is 2 in Eq. 2 and here "
-        f"{_known_span(of_case[shear])} under shear and {_known_span(of_case[~shear])} under the other loads of the "
-        f"case-study network, {_known_span(of_first)} under all loads of network 1.",
+        f"({span(many.amplitude)}) agree within a factor of {number(thresholds.same_magnitude)} in "
+        f"{percent(share_of(same))} of {len(same)} networks, and the first C2 is {number(middle)} times the second "
+        f"(median; {number(largest)} at most): they belong to the range they were fitted on. At small strain W grows "
+        f"as a power of λ_f − 1, which is 2 in Eq. 2 and here {_known_span(of_case[shear])} under shear and "
+        f"{_known_span(of_case[~shear])} under the other loads of the case-study network, {_known_span(of_first)} "
+        "under all loads of network 1.",
         over_replicates([f"ratio of C2 {span(small.C2[1:] / large.C2[1:])}"], len(small.C2) - 1),
     )
 
@@ -124,11 +122,9 @@ def shear_pair(
         f"Fits agree in {percent(share_of(same))} of {same.size} networks (C2 and C3 within a factor of "
         f"{number(thresholds.same_magnitude)}, R² within {number(thresholds.r_squared)}), and the median R² is "
         f"{quality[0]:.2f} with {first} and {quality[1]:.2f} with {second}. Curves that approach each other as in Fig. "
-        "5 "
-        f"come out with {_alone(approaching)}, and Table 1's C3 of {number(wanted)} at network 5 is in the range of "
-        "our "
-        f"{len(like)} networks nearest to it with {_alone(reaching)} ({ranges}, a load being cut at the limit of the "
-        f"principal stretch in {listed([str(count) for count in cut])} of them){_used(approaching, reaching)}.",
+        f"5 come out with {_alone(approaching)}, and Table 1's C3 of {number(wanted)} at network 5 is in the range of "
+        f"our {len(like)} networks nearest to it with {_alone(reaching)} ({ranges}, a load being cut at the limit of "
+        f"the principal stretch in {listed([str(count) for count in cut])} of them){_used(approaching, reaching)}.",
         over_replicates(
             [f"{name}: C3 {span(fits.C3[1:])}, R² {span(fits.r_squared[1:])}" for name, fits in case.items()],
             min(len(fits.C3) for fits in case.values()) - 1,

@@ -63,8 +63,7 @@ class Costs:
         """What `refit` counts."""
         return (
             f"{counted(self.networks, 'network')} along their elements' deformation in {self.load_steps} steps, with "
-            "fits in "
-            f"{counted(self.forms, 'form')}"
+            f"fits in {counted(self.forms, 'form')}"
         )
 
     @property
@@ -97,8 +96,7 @@ def time(statement: Statement, hours: float, words: str, costs: Costs, threshold
         f"{say(hours, unit='CPU-hours')} for {words}",
         verdict,
         f"On our machine and with our program this{scaled} is {number(factor)} times "
-        f"{'faster' if ratio > 1 else 'slower'} "
-        f"than printed. Specimen: {costs.origin}.",
+        f"{'faster' if ratio > 1 else 'slower'} than printed. Specimen: {costs.origin}.",
     )
 
 
@@ -119,11 +117,10 @@ def total(statement: Statement, costs: Costs, thresholds: Thresholds) -> Finding
         f"{say(costs.multiscale)} against {say(costs.hybrid, unit='CPU-hours')}",
         judged(parts),
         f"The multiscale run takes {number(found)} times the hybrid method, where the paper has {number(printed)}; "
-        "networks "
-        f"and their fits are {percent(share)} of the hybrid's cost. A state of a network takes {number(1e3 * own)} ms "
-        f"there, where networks are solved one at a time and then fitted, and {number(1e3 * coupled)} ms in the "
-        "multiscale run, "
-        f"which solves eight at a time{solvers}; specimen: {costs.origin}, {counted(costs.networks, 'element')}.",
+        f"networks and their fits are {percent(share)} of the hybrid's cost. A state of a network takes "
+        f"{number(1e3 * own)} ms there, where networks are solved one at a time and then fitted, and "
+        f"{number(1e3 * coupled)} ms in the multiscale run, which solves eight at a time{solvers}; specimen: "
+        f"{costs.origin}, {counted(costs.networks, 'element')}.",
     )
 
 
@@ -134,8 +131,7 @@ def per_gauss_point(costs: Costs) -> Finding:
     runs = (costs.multiscale_seconds / costs.network_evaluations) / (costs.hybrid_seconds / costs.evaluations)
     return Finding(
         f"a network costs {number(network / law)} times the law an evaluation, a whole run {number(runs)} times; Q + "
-        "R/2 = "
-        f"{number(wanted, 4)}",
+        f"R/2 = {number(wanted, 4)}",
         judged([network > law, network / law >= wanted]),
         f"Stress and tangent of a network in equilibrium take {number(1e6 * network)} µs, those of Eq. 10C "
         f"{number(1e6 * law)} µs: {number(network / law)} times as much for {number(costs.fibers)} fibres and "

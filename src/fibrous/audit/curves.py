@@ -78,8 +78,7 @@ def realignment(small: Curves, large: Curves, load_sets: LoadSets, thresholds: T
         "; ".join(said),
         judged([*varies.values(), *more.values()]),
         f"The eigenvalue depends on the load {where(varies)}, and differs more between loads at the end of the small "
-        "range "
-        f"than at that of the large one {where(more)}. Per unit of λ_f − 1 it differs more at small strain "
+        f"range than at that of the large one {where(more)}. Per unit of λ_f − 1 it differs more at small strain "
         f"{where(faster)}: {listed(rates)}.",
         over_replicates(spreads, len(small.names) - 1),
     )
@@ -144,10 +143,8 @@ def stiffer_across(curves: Curves, thresholds: Thresholds) -> Finding:
         f"W of x-uniaxial {say(ratio[0, 0])} and of xy-biaxial {say(ratio[0, 1])} times that of xz-biaxial",
         judged([holds_for_most(one > 1.0, thresholds.most) for one in ratio.T]),
         f"At λ_f = {curves.reach[0]:.2f} W is {say(*energy[0, :2], unit='MPa')} under x-uniaxial and xy-biaxial "
-        "stretch, "
-        f"across the alignment, and {say(energy[0, 2], unit='MPa')} under xz-biaxial stretch, along it; the magnitudes "
-        "at "
-        f"the ends of these loads are {say(*ends)}.",
+        f"stretch, across the alignment, and {say(energy[0, 2], unit='MPa')} under xz-biaxial stretch, along it; the "
+        f"magnitudes at the ends of these loads are {say(*ends)}.",
         over_replicates(
             [f"{load} {span(ratio[1:, i])}" for i, load in enumerate(("x-uniaxial", "xy-biaxial"))], len(ratio) - 1
         ),
@@ -168,8 +165,7 @@ def newton_iterations(statement: Statement, ensemble: Curves, thresholds: Thresh
         f"median {middle:.0f}, 5th to 95th percentile {few:.0f} to {many:.0f}",
         verdict,
         f"{percent(inside)} of {spent.size:,} states need {least:.0f} to {most:.0f} iterations, and {percent(below)} "
-        "no "
-        f"more than {most:.0f}: each step starts from the tangent's prediction.",
+        f"no more than {most:.0f}: each step starts from the tangent's prediction.",
     )
 
 
@@ -183,8 +179,7 @@ def rows_of_figure_3(small: Curves, large: Curves) -> Finding:
         Verdict.CONTRADICTED,
         "Section 3.1 puts the small range into row a and the caption into row b, which no data of ours can decide. The "
         f"percentages are the cube's Green strain along x, {percent(cube[0])} and {percent(cube[1])}, and not that of "
-        "the "
-        f"fibres, as the caption says, which is ½(λ_f² − 1) = {percent(mean_fiber[0])} and {percent(mean_fiber[1])}; "
-        "the "
-        "caption also gives d, the close-up of small stretches in the text, the large range.",
+        f"the fibres, as the caption says, which is ½(λ_f² − 1) = {percent(mean_fiber[0])} and "
+        f"{percent(mean_fiber[1])}; the caption also gives d, the close-up of small stretches in the text, the large "
+        "range.",
     )

@@ -28,8 +28,7 @@ def aligned_mean(statement: Statement, affine: State, equilibrium: State, thresh
         here,
         Verdict.PARTLY,
         "The printed number is right for the affine state, which Eq. 12 does not balance: it leaves the node a force "
-        "of "
-        f"{number(affine.vertical_force)} kA. Balance, which the paper asks of the other case, gives "
+        f"of {number(affine.vertical_force)} kA. Balance, which the paper asks of the other case, gives "
         f"{equilibrium.mean_stretch:.3f}, where λ_f = {equilibrium.averaged_stretch:.3f}.",
     )
 

@@ -107,11 +107,9 @@ def families(found: Sequence[GroupFit], trusted: bool, thresholds: Thresholds) -
         ),
         verdict,
         f"In {networks} networks, with {listed(load_sets)}, R² reaches {number(thresholds.confident_r_squared)} in "
-        "fits to "
-        f"families of two loads in {_counts(within, strains, thresholds)}, and in fits to all loads in "
+        f"fits to families of two loads in {_counts(within, strains, thresholds)}, and in fits to all loads in "
         f"{_counts(pooled, strains, thresholds)}. The paper says both of families, of which {shares} fit: nearer to "
-        "the "
-        f"truth is {nearer}.",
+        f"the truth is {nearer}.",
         over_replicates([f"{found[0].network}: {', '.join(spreads)}"], len(found[0].r_squared) - 1),
     )
 

@@ -138,11 +138,8 @@ def initial_fit(found: Found, tension_only: bool, thresholds: Thresholds) -> Fin
         judged(parts),
         f"By σ_xx, since the paper does not say which component or law its figure shows: {_all(tension_only)} end at "
         f"{listed(ends)} times the network's, where a factor of {number(thresholds.same_magnitude)} is a similar "
-        "magnitude, "
-        f"and are {listed(shapes)} off when scaled by the best factor, where {percent(thresholds.shape_error)} is "
-        "another "
-        "shape. The other components together are "
-        f"{listed(others)} off.",
+        f"magnitude, and are {listed(shapes)} off when scaled by the best factor, where "
+        f"{percent(thresholds.shape_error)} is another shape. The other components together are {listed(others)} off.",
         over_replicates(spreads, len(one.shape) - 1),
     )
 
@@ -168,8 +165,7 @@ def refit(found: Found, tension_only: bool, thresholds: Thresholds) -> Finding:
         )
         shapes.append(
             f"{_called(law, tension_only)} is {percent(before.shape[0])} off before the refit and "
-            f"{percent(after.shape[0])} "
-            f"after it ({_shape(off, shape)})"
+            f"{percent(after.shape[0])} after it ({_shape(off, shape)})"
         )
         for what, held in (("σ_xx", along_x), ("the tensor", whole)):
             (corrected if held else left).append(f"{what} with {law}")
@@ -181,10 +177,8 @@ def refit(found: Found, tension_only: bool, thresholds: Thresholds) -> Finding:
         "; ".join(said),
         judged(parts),
         f"By σ_xx scaled by the best factor, where {percent(thresholds.shape_error)} is another shape, "
-        f"{listed(shapes)}. Of "
-        f"the error as it stands at most {percent(thresholds.correction)} is left of "
-        f"{listed(corrected or ['nothing'])}, and "
-        f"more of {listed(left or ['nothing'])}.",
+        f"{listed(shapes)}. Of the error as it stands at most {percent(thresholds.correction)} is left of "
+        f"{listed(corrected or ['nothing'])}, and more of {listed(left or ['nothing'])}.",
         over_replicates(spreads, len(after.shape) - 1),
     )
 
@@ -237,13 +231,10 @@ def hgo_in_febio(path: Curves, fits: Constants, tension_only: bool, thresholds: 
         # The statement is denied where FEBio's own law does what the paper wanted.
         Verdict.NOT if nearer and same else Verdict.PARTLY,
         "FEBio has the law twice, uncoupled (Holzapfel-Gasser-Ogden) and, in later versions, coupled (HGO "
-        "unconstrained), "
-        "with two families at ±γ and one dispersion κ: with γ = 0, k1 = C2/2, k2 = C3 and κ from H, its fibres are Eq. "
-        "2's "
-        "with the two smaller eigenvalues of H averaged. "
-        f"Along Eq. 9 that law ends at {say(febio[0])} times the energy of Eq. 2, and Eq. 10C, which the paper ran in "
-        "its "
-        f"place, at {say(families[0])} times.",
+        "unconstrained), with two families at ±γ and one dispersion κ: with γ = 0, k1 = C2/2, k2 = C3 and κ from H, "
+        "its fibres are Eq. 2's with the two smaller eigenvalues of H averaged. Along Eq. 9 that law ends at "
+        f"{say(febio[0])} times the energy of Eq. 2, and Eq. 10C, which the paper ran in its place, at "
+        f"{say(families[0])} times.",
         over_replicates([f"FEBio's {span(febio[1:])}", f"Eq. 10C {span(families[1:])}"], len(febio) - 1),
     )
 

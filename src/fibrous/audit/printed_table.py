@@ -76,17 +76,13 @@ def table_1(
     return Finding(
         f"printed surface at networks 1 to 5: {say(*survey, unit='MPa' if constant == 'C2' else '')}; RMS difference "
         f"from ours, in RMS of ours: {off}; our coefficients inside the printed intervals: {agreeing}; ours are fitted "
-        "up "
-        f"to λ_f = {amplitudes}",
+        f"up to λ_f = {amplitudes}",
         verdict,
         f"At the alignments of our {len(ensemble.H11)} networks {constant} is negative at "
-        f"{percent(negative[AS_PRINTED])} "
-        f"as printed and at {percent(negative[SWAPPED])} with the indices swapped (rank correlations with H11 over the "
-        f"{len(aligned.H11)} aligned with x {along[AS_PRINTED]:+.2f} and {along[SWAPPED]:+.2f}). Of the twelve "
-        "readings, any "
-        "two components of H as the H11 and H22 of Eq. 11 and either sign, that are positive at "
-        f"{percent(thresholds.most)} of "
-        f"the alignments or more, {wanted}.",
+        f"{percent(negative[AS_PRINTED])} as printed and at {percent(negative[SWAPPED])} with the indices swapped "
+        f"(rank correlations with H11 over the {len(aligned.H11)} aligned with x {along[AS_PRINTED]:+.2f} and "
+        f"{along[SWAPPED]:+.2f}). Of the twelve readings, any two components of H as the H11 and H22 of Eq. 11 and "
+        f"either sign, that are positive at {percent(thresholds.most)} of the alignments or more, {wanted}.",
     )
 
 
@@ -142,10 +138,8 @@ def surface_r_squared(
         "; ".join(f"{name}: C2 (nine terms) {say(one[0])}, C3 (eight) {say(one[1])}" for name, one in ours.items()),
         judged(best.tolist()),
         f"The printed R² of C2 comes out within {number(thresholds.r_squared)} {_near(near, 0)}, that of C3 "
-        f"{_near(near, 1)}. The "
-        f"variance among networks of one alignment, a median over the named ones, is {scatter} of that of C2 and C3 "
-        "over the "
-        "ensemble: so much no surface of alignment can explain.",
+        f"{_near(near, 1)}. The variance among networks of one alignment, a median over the named ones, is {scatter} "
+        "of that of C2 and C3 over the ensemble: so much no surface of alignment can explain.",
     )
 
 

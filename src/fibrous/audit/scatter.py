@@ -51,11 +51,9 @@ def dissimilarity(ensemble: Curves, load_sets: LoadSets, thresholds: Thresholds)
         "; ".join(said),
         judged(holds.values()),
         f"Over the {len(aligned.names)} of {len(ensemble.names)} networks whose H11 is the largest component, compared "
-        "at "
-        f"one λ_f, curves of more aligned networks differ more {where(holds)}. Largest over least W goes, as a median "
-        "over "
-        f"the least and the most aligned fifth, {listed(medians)}; the limit of the principal stretch cuts a load in "
-        f"{listed(cuts)}.",
+        f"at one λ_f, curves of more aligned networks differ more {where(holds)}. Largest over least W goes, as a "
+        f"median over the least and the most aligned fifth, {listed(medians)}; the limit of the principal stretch cuts "
+        f"a load in {listed(cuts)}.",
     )
 
 
@@ -81,8 +79,8 @@ def fit_spread(
         trend = rank_correlation(aligned.H11, aligned.r_squared)
         worse[name] = trend <= -thresholds.trend_of(len(aligned.H11))
         said.append(
-            f"{name}: largest over least W at λ_f = {common:.2f} in networks 1 to 5 "
-            f"{say(*(one[0] for one in factors.values()))}"
+            f"{name}: largest over least W in networks 1 to 5 {_firsts(factors)} at λ_f = {common:.2f} and "
+            f"{_firsts({network: one.dissimilarity() for network, one in curves.items()})} at their own largest λ_f"
         )
         ranks.append(f"{trend:+.2f} with {name}")
         cuts.append(f"{sum(int(one.cut.any(axis=1).sum()) for one in curves.values())} with {name}")
@@ -92,14 +90,17 @@ def fit_spread(
         "; ".join(said),
         judged([*wider.values(), *tight.values(), *worse.values()]),
         f"Compared at one λ_f, curves of networks 4 and 5 scatter more than those of network 1 {where(wider)}, and "
-        "those of "
-        f"network 1 are within a factor of {number(thresholds.same_magnitude)} {where(tight)}. R² of the fits falls "
-        "with "
-        f"H11 {where(worse)} (rank correlations over the {len(aligned.H11)} networks aligned with x {listed(ranks)}); "
-        "the "
-        f"limit of the principal stretch cuts a load in {listed(cuts)} of the {total} networks 1 to 5 and replicates.",
+        f"those of network 1 are within a factor of {number(thresholds.same_magnitude)} {where(tight)}. R² of the fits "
+        f"falls with H11 {where(worse)} (rank correlations over the {len(aligned.H11)} networks aligned with x "
+        f"{listed(ranks)}); the limit of the principal stretch cuts a load in {listed(cuts)} of the {total} networks 1 "
+        "to 5 and replicates.",
         over_replicates(spreads, min(len(one.names) for one in survey.values()) - 1),
     )
+
+
+def _firsts(values: Mapping[str, Array]) -> str:
+    """Those of the paper's networks."""
+    return say(*(float(one[0]) for one in values.values()))
 
 
 def _fifths(order: Array, values: Array) -> tuple[float, float]:

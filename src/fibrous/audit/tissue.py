@@ -9,6 +9,7 @@ import numpy as np
 from fibrous.audit.finding import Array, Finding, Statement, Thresholds, Verdict, counted, judged, percent, say, span
 from fibrous.comparison import TOP, Comparison, Fields
 from fibrous.deformation import largest_principal_stretch
+from fibrous.specimen import SYNTHETIC
 
 
 @dataclass(frozen=True)
@@ -46,10 +47,10 @@ class Tissue:
 
     def caveat(self) -> str:
         """Words at the end of every reason."""
+        made = "one specimen of one seed" if self.origin == SYNTHETIC else "one specimen"
         return (
-            f" This is one specimen of one seed ({self.origin}, {counted(self.elements, 'element')}); the paper's mesh "
-            "and "
-            "motion are not public."
+            f" This is {made} ({self.origin}, {counted(self.elements, 'element')}); the paper's mesh and motion are "
+            "not public."
         )
 
 
@@ -61,12 +62,10 @@ def most_stretched(statement: Statement, tissue: Tissue) -> Finding:
     volume = np.linalg.det(tissue.gradient).mean(axis=-1)
     return Finding(
         f"largest principal stretch {stretch[element]:.3f}, J {volume[element]:.3f} in the most stretched element; Eq. "
-        "9 "
-        f"{float(largest_principal_stretch(printed)):.3f}, {np.linalg.det(printed):.4f}",
+        f"9 {float(largest_principal_stretch(printed)):.3f}, {np.linalg.det(printed):.4f}",
         Verdict.UNKNOWN,
         f"The printed F keeps the volume to {percent(abs(np.linalg.det(printed) - 1.0))}, although the matrix of Eq. "
-        "10B is "
-        f"compressible; in our elements J runs from {span(volume)}." + tissue.caveat(),
+        f"10B is compressible; in our elements J runs from {span(volume)}." + tissue.caveat(),
     )
 
 
@@ -83,8 +82,7 @@ def peaks(tissue: Tissue, thresholds: Thresholds) -> Finding:
         "; ".join(said),
         judged(parts),
         f"Peaks are the tenth of the elements with the largest values in the multiscale run ({tissue.share}), found "
-        "where "
-        f"they are in that tenth of the hybrid run, too; chance finds {percent(top / tissue.elements)} of them."
+        f"where they are in that tenth of the hybrid run, too; chance finds {percent(top / tissue.elements)} of them."
         + tissue.caveat(),
     )
 
@@ -102,8 +100,7 @@ def bias(tissue: Tissue, thresholds: Thresholds) -> Finding:
         f"Over the tenth of the elements with the largest stress ({tissue.share}) the initial constants give "
         f"{_change(stress, thresholds)} stress and {_change(strain, thresholds)} strain, where "
         f"{percent(thresholds.change)} counts as a difference; the largest stress is {say(largest)} times the "
-        "multiscale "
-        "run's." + tissue.caveat(),
+        "multiscale run's." + tissue.caveat(),
     )
 
 
@@ -115,8 +112,7 @@ def rms(tissue: Tissue, refitted: bool) -> Finding:
         f"{say(stress.rms_error, unit='MPa')}, {say(100.0 * strain.rms_error, unit='%')}",
         Verdict.UNKNOWN,
         f"The errors are {percent(stress.relative_rms_error)} of the RMS stress and "
-        f"{percent(strain.relative_rms_error)} of "
-        "the RMS strain of the multiscale run." + tissue.caveat(),
+        f"{percent(strain.relative_rms_error)} of the RMS strain of the multiscale run." + tissue.caveat(),
     )
 
 

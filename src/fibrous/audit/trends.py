@@ -135,8 +135,8 @@ def growth(own: BySet, common: BySet, thresholds: Thresholds) -> Finding:
         _ends(own, common),
         Verdict.CONTRADICTED if against else judged(parts),
         "On the modulus section 3.2 says the opposite: "
-        f"{_modulus(trends, own, common, 'falls' if against else 'rises', falls if against else rises)}. "
-        f"On nonlinearity both sections agree: {_nonlinearity(trends, nonlinear)}.",
+        f"{_modulus(trends, own, common, 'falls' if against else 'rises', falls if against else rises)}. On "
+        f"nonlinearity both sections agree: {_nonlinearity(trends, nonlinear)}.",
         _spread(own, common),
     )
 
@@ -159,11 +159,9 @@ def _modulus(trends: _Trends, own: BySet, common: BySet, way: str, holds: Holds)
     of_own, of_common = trends.ranks("C2")
     return (
         f"C2 {way} {where(holds[0])} where each network is fitted up to its own λ_f ({span(amplitudes)}; rank "
-        "correlations "
-        f"with H11 {of_own} with {listed(list(own))}, over the {len(aligned[0].H11)} of {len(ensembles[0].H11)} "
-        "networks "
-        f"whose H11 is the largest component), and {where(holds[1])} where all are fitted up to {number(limit)} "
-        f"({of_common})"
+        f"correlations with H11 {of_own} with {listed(list(own))}, over the {len(aligned[0].H11)} of "
+        f"{len(ensembles[0].H11)} networks whose H11 is the largest component), and {where(holds[1])} where all are "
+        f"fitted up to {number(limit)} ({of_common})"
     )
 
 
@@ -172,8 +170,7 @@ def _nonlinearity(trends: _Trends, holds: Holds) -> str:
     (of_own, of_common), (bound, common_bound) = trends.ranks("C3"), trends.at_bound()
     return (
         f"C3 rises {where(holds[0])} in the first of these fits ({of_own}; C3 = 0, its bound, in {bound} of networks) "
-        "and "
-        f"{where(holds[1])} in the second ({of_common}; {common_bound})"
+        f"and {where(holds[1])} in the second ({of_common}; {common_bound})"
     )
 
 
