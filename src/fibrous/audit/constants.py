@@ -24,6 +24,7 @@ from fibrous.audit.finding import (
     say,
     share_of,
     span,
+    stretches,
 )
 from fibrous.deformation import Load
 from fibrous.fitting import printed
@@ -54,8 +55,8 @@ def amplitude(
         f"C2 {say(small.C2[0], unit='MPa')} up to λ_f = {small.amplitude[0]:.2f}, {say(large.C2[0], unit='MPa')} up to "
         f"{large.amplitude[0]:.2f}; C3 {say(small.C3[0])} and {say(large.C3[0])}",
         judged([share_of(same) >= thresholds.most]),
-        f"Both constants fitted up to 10 % Green strain (λ_f {span(few.amplitude)}) and up to 112 % "
-        f"({span(many.amplitude)}) agree within a factor of {number(thresholds.same_magnitude)} in "
+        f"Both constants fitted up to 10 % Green strain (λ_f {stretches(few.amplitude)}) and up to 112 % "
+        f"({stretches(many.amplitude)}) agree within a factor of {number(thresholds.same_magnitude)} in "
         f"{percent(share_of(same))} of {len(same)} networks, and the first C2 is {number(middle)} times the second "
         f"(median; {number(largest)} at most): they belong to the range they were fitted on. At small strain W grows "
         f"as a power of λ_f − 1, which is 2 in Eq. 2 and here {_known_span(of_case[shear])} under shear and "

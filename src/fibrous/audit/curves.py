@@ -131,7 +131,8 @@ def magnitudes(statement: Statement, curves: Curves, asked: Array, thresholds: T
             f"section 2.3 wants that of the first load for both, {curves.averaged_stretch[0, 0, -1]:.2f}."
         )
     spreads = [f"{load} {span(ends[1:, i])}" for i, load in enumerate(pair.loads)]
-    return Finding(say(*ends[0]), verdict, why, over_replicates(spreads, len(ends) - 1))
+    here = ", ".join(f"{load} {number(end)}" for load, end in zip(pair.loads, ends[0], strict=True))
+    return Finding(here, verdict, why, over_replicates(spreads, len(ends) - 1))
 
 
 def stiffer_across(curves: Curves, thresholds: Thresholds) -> Finding:

@@ -50,6 +50,6 @@ def transverse_stretches(statement: Statement, state: State, thresholds: Thresho
     return Finding(
         f"{found[0]:.2f}, {found[1]:.2f}, {found[2]:.3f}",
         judged([agrees(found, statement.value, thresholds.printed_digits)]),
-        f"The longest of the three fibres is at {max(state.fiber_stretches):.2f} of its length, where λ_f = "
-        f"{state.averaged_stretch:.3f}.",
+        f"The most stretched of the three fibres has {max(state.fiber_stretches):.2f} of its length at rest, while "
+        f"λ_f = {state.averaged_stretch:.3f}.",
     )

@@ -188,6 +188,16 @@ def span(values: ArrayLike, unit: str = "") -> str:
     return f"{number(float(values.min()))} to {number(float(values.max()))}" + (f" {unit}" if unit else "")
 
 
+def stretches(values: ArrayLike) -> str:
+    """Averaged stretches λ_f, or least and largest of them, with two decimals.
+
+    >>> stretches(1.2), stretches([1.64, 1.2])
+    ('1.20', '1.20 to 1.64')
+    """
+    least, largest = f"{np.min(values):.2f}", f"{np.max(values):.2f}"
+    return least if least == largest else f"{least} to {largest}"
+
+
 def percents(values: ArrayLike) -> str:
     """Least and largest of shares, in percent.
 

@@ -22,7 +22,7 @@ from fibrous.audit.finding import (
     rank_correlation,
     say,
     share_of,
-    span,
+    stretches,
     where,
 )
 from fibrous.fitting import printed
@@ -72,7 +72,7 @@ def table_1(
     off = listed([f"{number(one)} ({name})" for name, one in apart.items() if np.isfinite(one)] or ["unknown"])
     inside = {name: _inside(statement, one) for name, one in coefficients.items()}
     agreeing = listed([f"{int(one.sum())} of {one.size} ({name})" for name, one in inside.items()])
-    amplitudes = span(np.concatenate([one.amplitude for one in fits.values()]))
+    amplitudes = stretches(np.concatenate([one.amplitude for one in fits.values()]))
     return Finding(
         f"printed surface at networks 1 to 5: {say(*survey, unit='MPa' if constant == 'C2' else '')}; RMS difference "
         f"from ours, in RMS of ours: {off}; our coefficients inside the printed intervals: {agreeing}; ours are fitted "
@@ -133,13 +133,19 @@ def surface_r_squared(
     near = {name: np.abs(np.asarray(one) - wanted) <= thresholds.r_squared for name, one in ours.items()}
     best = max(near.values(), key=lambda one: int(one.sum()))
     shares = {name: [_scatter(fits[name], named[name], constant) for constant in ("C2", "C3")] for name in ours}
-    scatter = listed([f"{percent(C2)} and {percent(C3)} with {name}" for name, (C2, C3) in shares.items()])
+    scatter = listed(
+        [
+            f"{percent(C2)} and {percent(C3)} with {name}, whose surfaces leave {percent(1.0 - ours[name][0])} and "
+            f"{percent(1.0 - ours[name][1])} unexplained"
+            for name, (C2, C3) in shares.items()
+        ]
+    )
     return Finding(
         "; ".join(f"{name}: C2 (nine terms) {say(one[0])}, C3 (eight) {say(one[1])}" for name, one in ours.items()),
         judged(best.tolist()),
         f"The printed R² of C2 comes out within {number(thresholds.r_squared)} {_near(near, 0)}, that of C3 "
-        f"{_near(near, 1)}. The variance among networks of one alignment, a median over the named ones, is {scatter} "
-        "of that of C2 and C3 over the ensemble: so much no surface of alignment can explain.",
+        f"{_near(near, 1)}. Networks of one alignment, a median over the named ones, have of the ensemble's variance "
+        f"of C2 and C3 {scatter}.",
     )
 
 

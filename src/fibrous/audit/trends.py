@@ -20,13 +20,13 @@ from fibrous.audit.finding import (
     Verdict,
     judged,
     listed,
-    number,
     over_replicates,
     percent,
     rank_correlation,
     say,
     share_of,
     span,
+    stretches,
     where,
 )
 
@@ -158,10 +158,10 @@ def _modulus(trends: _Trends, own: BySet, common: BySet, way: str, holds: Holds)
     limit = max(float(fits.ensemble.amplitude.max()) for fits in common.values())
     of_own, of_common = trends.ranks("C2")
     return (
-        f"C2 {way} {where(holds[0])} where each network is fitted up to its own λ_f ({span(amplitudes)}; rank "
+        f"C2 {way} {where(holds[0])} where each network is fitted up to its own λ_f ({stretches(amplitudes)}; rank "
         f"correlations with H11 {of_own} with {listed(list(own))}, over the {len(aligned[0].H11)} of "
         f"{len(ensembles[0].H11)} networks whose H11 is the largest component), and {where(holds[1])} where all are "
-        f"fitted up to {number(limit)} ({of_common})"
+        f"fitted up to one of {stretches(limit)} ({of_common})"
     )
 
 
@@ -189,7 +189,7 @@ def _ends(own: BySet, common: BySet) -> str:
     for name, fits in own.items():
         parts = [
             f"C2 {say(one.first.C2[0], one.fifth.C2[0], unit='MPa')}, C3 {say(one.first.C3[0], one.fifth.C3[0])} up to "
-            f"λ_f = {say(one.first.amplitude[0], one.fifth.amplitude[0])}"
+            f"λ_f = {stretches(one.first.amplitude[0])}, {stretches(one.fifth.amplitude[0])}"
             for one in (fits, common[name])
         ]
         said.append(f"networks 1 and 5 with {name}: {' and '.join(parts)}")
