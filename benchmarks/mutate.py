@@ -637,6 +637,34 @@ MUTATIONS = [
         "hybrid / spent",
         "test_multiscale_stage.py",
     ),
+    Mutation(
+        "states of a fit beyond the common stretch",
+        "audit/refits.py",
+        "beyond = curves.averaged_stretch > stretch",
+        "beyond = curves.averaged_stretch < stretch",
+        "test_audit.py",
+    ),
+    Mutation(
+        "a modulus that falls with alignment",
+        "audit/trends.py",
+        "rank <= -thresholds.trend_of(self.count)",
+        "rank >= -thresholds.trend_of(self.count)",
+        "test_audit_constants.py",
+    ),
+    Mutation(
+        "eigenvalues of H about one axis",
+        "audit/laws.py",
+        "mean = 0.5 * (values[0] + values[1])",
+        "mean = 0.5 * (values[1] - values[0])",
+        "test_audit_laws.py",
+    ),
+    Mutation(
+        "what a network costs over what a law costs",
+        "audit/costs.py",
+        "judged([network > law, network / law >= wanted])",
+        "judged([network < law, network / law >= wanted])",
+        "test_audit_laws.py",
+    ),
 ]
 
 

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
+import yaml
 
-from fibrous.audit.evidence import Constants, Curves
-from fibrous.audit.finding import Thresholds
+from fibrous.audit.evidence import Constants, Curves, Fits
+from fibrous.audit.finding import Finding, Thresholds, Verdict
 from fibrous.deformation import Load, averaged_stretch, load_path, matching_magnitude
 from fibrous.fitting.hgo import strain_energy
-from fibrous.study.configuration import loaded
+from fibrous.study.claims import statement_of
+from fibrous.study.configuration import CLAIMS, loaded
 
+REPRODUCED, PARTLY, NOT, CONTRADICTED, UNKNOWN = Verdict
+TALLIED = yaml.safe_load(CLAIMS.read_text(encoding="utf-8"))
+STATEMENTS = {entry["id"]: statement_of(entry) for entry in TALLIED}
 THRESHOLDS = Thresholds(**loaded()["claims"])
 LOADS = ("x_uniaxial", "xy_biaxial", "xz_biaxial", "xy_shear", "xz_shear", "yz_shear")
 SETS = {"with_xz": LOADS[:5], "with_yz": (*LOADS[:4], "yz_shear")}
@@ -52,7 +59,14 @@ def curves(
         cauchy_stress=np.zeros((*magnitude.shape, 3, 3)),
         orientation=np.broadcast_to(turned[:, None], magnitude.shape),
         newton_iterations=np.full(magnitude.shape, iterations),
+        cut=np.zeros(magnitude.shape[:2], dtype=bool),
     )
+
+
+def joined(made: Sequence[Curves]) -> Curves:
+    """All networks, one after the other."""
+    arrays = {name: np.concatenate([getattr(one, name) for one in made]) for name in vars(made[0]) if name != "loads"}
+    return replace(made[0], **arrays)
 
 
 def constants(C2: np.ndarray, C3: np.ndarray, r_squared: float | np.ndarray = 0.9, names: str = "") -> Constants:
@@ -69,3 +83,29 @@ def constants(C2: np.ndarray, C3: np.ndarray, r_squared: float | np.ndarray = 0.
         r_squared=np.broadcast_to(r_squared, C2.shape).astype(float),
         amplitude=np.full(len(C2), 1.5),
     )
+
+
+def fits(C2: np.ndarray, C3: np.ndarray, ends: tuple[float, float, float, float] | None = None) -> dict[str, Fits]:
+    """The same of every load set; networks 1 and 5, two of each, are the ends of the ensemble unless C2, C3 are "
+    "given."""
+    first_C2, first_C3, fifth_C2, fifth_C3 = ends or (C2[0], C3[0], C2[-1], C3[-1])
+    pair = [
+        constants(np.full(2, one), np.full(2, other)) for one, other in ((first_C2, first_C3), (fifth_C2, fifth_C3))
+    ]
+    return {name: Fits(constants(C2, C3), *pair) for name in SETS}
+
+
+def verdict_of(finding: Finding) -> Verdict:
+    """The verdict of a finding whose reason reads well."""
+    assert_plain(finding.why)
+    return finding.verdict
+
+
+def assert_plain(why: str) -> None:
+    """A reason is one or two sentences without powers of ten, and without what is no number."""
+    assert why == why.strip()
+    assert why.endswith(".")
+    # "Eq. 2" and "Fig. 5" end no sentence: a digit follows.
+    assert 1 <= len(re.findall(r"[.?!](?=\s+\D|$)", why)) <= 2, why
+    assert not re.search(r"\d[eE][+-]?\d", why), why
+    assert not re.search(r"\b(nan|NaN|inf|None|True|False)\b", why), why

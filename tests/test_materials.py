@@ -9,6 +9,7 @@ import pytest
 from conftest import small_network
 from scipy.spatial.transform import Rotation
 
+from fibrous.clock import Clock
 from fibrous.deformation import Load, averaged_stretch
 from fibrous.fitting.hgo import strain_energy
 from fibrous.materials.affine_fibers import AffineFibers, half_sphere
@@ -16,6 +17,7 @@ from fibrous.materials.contract import MaterialError, join, select
 from fibrous.materials.hgo import HGOFamilies, HGOStructureTensor
 from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
+from fibrous.materials.timed import Timed
 from fibrous.networks.assembly import Assembly
 from fibrous.networks.fiber_law import FiberLaw
 from fibrous.networks.homogenization import stress_scale
@@ -49,6 +51,7 @@ def laws(scale: float = 1.0) -> dict:
         "affine fibers": bundles(scale),
         "affine sphere": AffineFibers.of_structure_tensor(H_DIAGONAL, 500.0, LAW, scale * 1e-3),
         "mixture": Mixture((matrix, families, bundles(scale))),
+        "timed": Timed(families, Clock(), "law"),
     }
 
 

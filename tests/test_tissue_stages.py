@@ -1,5 +1,7 @@
 """Stages of the tissue, from the specimen to its runs: what they write is what the library says, called by hand."""
 
+import json
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -125,6 +127,16 @@ def test_laws_without_constants(study):
     for run in ("matrix", "affine"):
         assert np.isnan(study.tissue(run)["C2"]).all()
         assert np.isnan(study.tissue(run)["C3"]).all()
+
+
+def test_a_run_says_what_its_law_cost(study):
+    """Stress and tangent of the fibres, evaluated in every Newton iteration, are a part of the process."""
+    for run, parts in (("matrix", {"macroscopic solve"}), ("hgo", {"macroscopic solve", "fibre law"})):
+        attributes = study.tissue(run).attrs
+        seconds = json.loads(attributes["cpu_seconds_of_parts"])
+        assert set(seconds) == parts
+        assert min(seconds.values()) > 0.0
+        assert sum(seconds.values()) < attributes["cpu_seconds"]
 
 
 def test_constants_of_the_surface_are_its_predictions_in_principal_axes(study):

@@ -1,4 +1,4 @@
-"""What statements are judged by: curves of networks, constants fitted to them, fields of the tissue."""
+"""What statements are judged by: curves of networks, and constants fitted to them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
@@ -22,6 +22,7 @@ class Curves:
         largest eigenvalue of h
     strain_energy_density : the same shape, MPa, NaN in a state without an equilibrium
     cauchy_stress : shape (networks, loads, steps + 1, 3, 3), MPa, likewise
+    cut : whether the limit of the principal stretch ends the load early, shape (networks, loads)
     """
 
     names: NDArray[np.str_]
@@ -34,16 +35,23 @@ class Curves:
     cauchy_stress: Array
     orientation: Array
     newton_iterations: Array
+    cut: NDArray[np.bool_]
 
     def called(self, name: str) -> Self:
         """The networks of that name."""
-        return self._of(np.flatnonzero(self.names == name))
+        return self.of(self.names == name)
 
     def network(self, index: int) -> Self:
         """One network."""
-        return self._of(np.array([index]))
+        return self.of(np.array([index]))
 
-    def _of(self, kept: NDArray[np.int64]) -> Self:
+    def along_x(self) -> Self:
+        """The networks aligned with x, the direction loaded, more than with y or z."""
+        diagonal = np.einsum("nii->ni", self.structure_tensor)
+        return self.of(diagonal[:, 0] >= diagonal.max(axis=1))
+
+    def of(self, kept: NDArray[np.int64] | NDArray[np.bool_]) -> Self:
+        """Some of the networks, by their indices or where `kept` is true."""
         return replace(self, **{name: value[kept] for name, value in vars(self).items() if name != "loads"})
 
     def under(self, loads: tuple[str, ...]) -> Self:
@@ -53,23 +61,38 @@ class Curves:
         arrays = {name: value[:, columns] for name, value in vars(self).items() if name not in fixed}
         return replace(self, loads=loads, **arrays)
 
-    def energies_at_common_stretch(self) -> Array:
-        """W of every load at the largest averaged stretch that all loads of the network reach, (networks, loads), MPa.
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Which networks are in equilibrium in every state, shape (networks,)."""
+        return np.asarray(np.isfinite(self.strain_energy_density).all(axis=(1, 2)))
 
-        Where a load does not end there W is interpolated over λ_f, from where λ_f is least on: a load of a network
-        aligned across it shortens the mean fibre first.
+    @property
+    def H11(self) -> Array:
+        """Alignment with x, shape (networks,)."""
+        return np.asarray(self.structure_tensor[:, 0, 0])
+
+    @property
+    def reach(self) -> Array:
+        """Largest averaged stretch that all loads of a network reach, shape (networks,)."""
+        return np.asarray(self.averaged_stretch[..., -1].min(axis=1))
+
+    def energies_at(self, stretch: ArrayLike) -> Array:
+        """W of every load at averaged stretches within `reach`, one for all or one a network; (networks, loads), MPa.
+
+        Between states W is interpolated over λ_f, from where λ_f is least on: a load of a network aligned across it
+        shortens the mean fibre first.
         """
-        common = self.averaged_stretch[..., -1].min(axis=1)
+        wanted = np.broadcast_to(np.asarray(stretch, dtype=float), len(self.names))
         found = np.empty(self.averaged_stretch.shape[:2])
         for i, j in np.ndindex(*found.shape):
-            stretch = self.averaged_stretch[i, j]
-            rising = slice(int(np.argmin(stretch)), None)
-            found[i, j] = np.interp(common[i], stretch[rising], self.strain_energy_density[i, j, rising])
+            own = self.averaged_stretch[i, j]
+            rising = slice(int(np.argmin(own)), None)
+            found[i, j] = np.interp(wanted[i], own[rising], self.strain_energy_density[i, j, rising])
         return found
 
-    def dissimilarity(self) -> Array:
-        """Largest over least W among the loads at their common averaged stretch, shape (networks,)."""
-        energy = self.energies_at_common_stretch()
+    def dissimilarity(self, stretch: ArrayLike | None = None) -> Array:
+        """Largest over least W among the loads, shape (networks,), at λ_f as of `energies_at`, by default `reach`."""
+        energy = self.energies_at(self.reach if stretch is None else stretch)
         return np.asarray(energy.max(axis=1) / energy.min(axis=1))
 
 
@@ -90,7 +113,31 @@ class Constants:
     r_squared: Array
     amplitude: Array
 
-    def called(self, *names: str) -> Self:
-        """The networks of these names, in the order in which they stand."""
-        kept = np.isin(self.names, names)
+    def called(self, name: str) -> Self:
+        """The networks of that name."""
+        return self.of(self.names == name)
+
+    def along_x(self) -> Self:
+        """The networks aligned with x, the direction loaded, more than with y or z."""
+        return self.of((self.H11 >= self.H22) & (self.H11 >= self.H33))
+
+    def of(self, kept: NDArray[np.bool_]) -> Self:
+        """The networks where `kept` is true."""
         return replace(self, **{field: value[kept] for field, value in vars(self).items()})
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Which networks have constants and the quality of their fit, shape (networks,)."""
+        return np.asarray(np.isfinite([self.C2, self.C3, self.r_squared]).all(axis=0))
+
+
+@dataclass(frozen=True)
+class Fits:
+    """Constants by one rule of how far each network is followed: an ensemble's, and those of networks 1 and 5.
+
+    first, fifth : each with its replicates, the paper's network first
+    """
+
+    ensemble: Constants
+    first: Constants
+    fifth: Constants

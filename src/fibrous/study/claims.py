@@ -39,7 +39,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
                 "id": one.id,
                 "section": one.where,
                 "says": one.says + _printed(one),
-                "here": finding.here,
+                "here": finding.here + _left_out(evidence.lost(check.data)),
                 "spread": finding.spread,
                 "verdict": finding.verdict.value,
                 "why": finding.why,
@@ -62,6 +62,13 @@ def _printed(statement: Statement) -> str:
     half_widths = statement.half_width or (np.nan,) * len(statement.value)
     pairs = zip(statement.value, half_widths, strict=True)
     return ": " + ", ".join(f"{value:g}" + ("" if np.isnan(half) else f" ± {half:g}") for value, half in pairs)
+
+
+def _left_out(count: int) -> str:
+    """What is said of networks without an equilibrium or constants, which count for nothing."""
+    if not count:
+        return ""
+    return f"; {count} network{' is' if count == 1 else 's are'} left out, for want of an equilibrium or of a fit"
 
 
 def _together(paths: list[Path]) -> list[str]:

@@ -21,6 +21,7 @@ from fibrous.audit.tissue import Tissue
 from fibrous.errors import DatasetError
 from fibrous.study.comparison import fields_of
 from fibrous.study.fit_tables import ALL, SINGLE, fits_of
+from fibrous.study.solutions import LAW
 from fibrous.study.table_2 import MULTISCALE, TASKS
 
 FIT_COLUMNS = (
@@ -37,6 +38,7 @@ CURVES = {
     "cauchy_stress": "cauchy_stress",
     "orientation": "largest_orientation_eigenvalue",
     "newton_iterations": "newton_iterations",
+    "cut": "amplitude_limited",
 }
 SURFACES = {"C2": "C2", "C3": "C3_eight"}  # the terms that the paper prints
 NETWORK_PARTS = ("assembly", "factorisation", "condensation")
@@ -45,27 +47,30 @@ NETWORK_PARTS = ("assembly", "factorisation", "condensation")
 def gathered(inputs: Mapping[str, list[Path]], config: Mapping[str, Any]) -> Evidence:
     """What `inputs` hold for the audit. Raises DatasetError where a file does not hold what is needed."""
     sets = {entry["name"]: spoken(entry["name"]) for entry in config["load_sets"]}
-    load_sets = {sets[entry["name"]]: tuple(entry["loads"]) for entry in config["load_sets"]}
     networks = [datasets.read(path, "networks") for path in inputs["networks"]]
     of_case = [one.isel(network=one["name"].values == config["case"]) for one in networks]
-    large = _curves(inputs["large"])
     fits = {
         name: {words: _fits(inputs[name], load_set, ALL) for load_set, words in sets.items()}
         for name in ("fits_small", "fits_large", "ensemble_fits_small", "ensemble_fits_large")
     }
+    curves = {name: _curves(inputs[name]) for name in ("small", "large", "ensemble")}
     path = _curves(inputs["path"])
+    known = _nothing_missing(curves, fits)
+    curves = {name: one.of(known[name]) for name, one in curves.items()}
+    fits = {name: {words: one.of(known[name]) for words, one in by_set.items()} for name, by_set in fits.items()}
     surface = datasets.read(inputs["surface"][0], "surface").sel(protocol=config["large"])
     return Evidence(
         thresholds=Thresholds(**config["claims"]),
-        load_sets=load_sets,
+        load_sets={sets[entry["name"]]: tuple(entry["loads"]) for entry in config["load_sets"]},
         largest_C3=config["fit"]["largest_C3"],
+        tension_only=config["tension_only"],
         case=config["case"],
         survey=tuple(config["survey"]),
         asked={entry["name"]: _tensor(entry) for entry in config["named"]},
         tensors=np.concatenate([one["structure_tensor"].values for one in of_case]),
         fractions=np.concatenate([one["volume_fraction"].values for one in of_case]),
-        small=_curves(inputs["small"]),
-        large=large,
+        small=curves["small"],
+        large=curves["large"],
         path=path,
         small_fits=fits["fits_small"],
         large_fits=fits["fits_large"],
@@ -73,7 +78,7 @@ def gathered(inputs: Mapping[str, list[Path]], config: Mapping[str, Any]) -> Evi
             INITIAL: _fits(inputs["fits_initial"], config["load_set"], ALL).called(config["case"]),
             REFIT: _fits(inputs["fits_refit"], SINGLE, path.loads[0]).called(config["case"]),
         },
-        ensemble=_curves(inputs["ensemble"]),
+        ensemble=curves["ensemble"],
         ensemble_small_fits=fits["ensemble_fits_small"],
         ensemble_large_fits=fits["ensemble_fits_large"],
         surface_r_squared={
@@ -87,11 +92,22 @@ def gathered(inputs: Mapping[str, list[Path]], config: Mapping[str, Any]) -> Evi
             for constant, which in SURFACES.items()
         },
         tissue=_tissue(inputs["tissue"]),
-        element_tensors=np.concatenate(
-            [datasets.read(one, "networks")["structure_tensor"].values for one in inputs["tissue_networks"]]
-        ),
-        costs=_costs(inputs),
+        costs=_costs(inputs, config),
+        left_out={name: int((~one).sum()) for name, one in known.items()},
     )
+
+
+def _nothing_missing(
+    curves: Mapping[str, Curves], fits: Mapping[str, Mapping[str, Constants]]
+) -> dict[str, np.ndarray[Any, np.dtype[np.bool_]]]:
+    """Which networks lack nothing in any of the curves and fits, of the ensemble or of the others, by their names."""
+    found = {name: [one.known] for name, one in curves.items()}
+    found |= {name: [one.known for one in by_set.values()] for name, by_set in fits.items()}
+    of_ensemble, of_others = (
+        np.all([mask for name, masks in found.items() if name.startswith("ensemble") == kind for mask in masks], axis=0)
+        for kind in (True, False)
+    )
+    return {name: of_ensemble if name.startswith("ensemble") else of_others for name in found}
 
 
 def spoken(load_set: str) -> str:
@@ -153,26 +169,35 @@ def _tissue(paths: list[Path]) -> Tissue:
     return Tissue(states[0].attrs["origin"], multiscale, initial, refit, gradient)
 
 
-def _costs(inputs: Mapping[str, list[Path]]) -> Costs:
+def _costs(inputs: Mapping[str, list[Path]], config: Mapping[str, Any]) -> Costs:
     reference = inputs["tissue"][0].stem
-    table = datasets.read_table(inputs["table_2"][0], ("method", "runs", "task", "cpu_hours"))
-    rows = zip(table["method"], table["runs"].fillna(""), table["task"], table["cpu_hours"], strict=True)
-    hours = {(method, task): spent for method, runs, task, spent in rows if method != "multiscale" or runs == reference}
+    columns = ("method", "runs", "task", "cpu_hours", "processes")
+    table = datasets.read_table(inputs["table_2"][0], columns)
+    rows = list(zip(*(table[column] for column in columns), strict=True))
+    hours = {(method, task): spent for method, runs, task, spent, _ in rows if method == "hybrid" or runs == reference}
+    runs = next(int(processes) for *_, task, _, processes in rows if task == TASKS["hybrid"])
     multiscale, _, refit = (datasets.read(path, "tissue") for path in inputs["tissue"])
     networks = [datasets.read(path, "networks") for path in inputs["tissue_networks"]]
-    parts = json.loads(multiscale.attrs["cpu_seconds_of_parts"])
+    of_networks, of_law = (json.loads(run.attrs["cpu_seconds_of_parts"]) for run in (multiscale, refit))
     return Costs(
         initial=hours["hybrid", TASKS["initial"]],
         refit=hours["hybrid", TASKS["refit"]],
         finite_elements=hours["hybrid", TASKS["hybrid"]],
         multiscale=hours["multiscale", MULTISCALE],
+        networks=multiscale.sizes["element"],
+        loads=len(config["protocol"]["loads"]),
+        steps=config["protocol"]["steps"],
+        load_steps=multiscale.sizes["step"],
+        forms=len(config["forms"]),
+        runs=runs,
         fibers=float(np.median(np.concatenate([one["fiber_count"].values for one in networks]))),
         nodes=float(np.median(np.concatenate([_interior_nodes(one) for one in networks]))),
         evaluations=_evaluations(refit),
         network_evaluations=_evaluations(multiscale),
+        law_seconds=of_law[LAW],
+        networks_seconds=sum(of_networks[part] for part in NETWORK_PARTS),
         hybrid_seconds=refit.attrs["cpu_seconds"],
-        network_seconds=multiscale.attrs["cpu_seconds"],
-        network_share=sum(parts[part] for part in NETWORK_PARTS) / multiscale.attrs["cpu_seconds"],
+        multiscale_seconds=multiscale.attrs["cpu_seconds"],
         origin=multiscale.attrs["origin"],
     )
 

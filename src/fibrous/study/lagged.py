@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from fibrous.clock import Clock
 from fibrous.errors import DatasetError
 from fibrous.fe.solver import LoadStepper
 from fibrous.fitting.hgo import fit_constants
@@ -34,10 +35,11 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     model, matrix = config["model"], config["matrix"]
     specimen, numbers = read_specimen(inputs["specimen"][0])
     initial = fitted_constants(inputs["fits"][0], numbers, model, config["load_set"])
+    clock = Clock()
 
     def stepper_of(C2: np.ndarray, C3: np.ndarray) -> LoadStepper:
-        material = tissue_material(config, Constants(C2, C3, initial.structure_tensor))
-        return LoadStepper.of(specimen.mesh, material, specimen.prescribed, config["linear_solver"])
+        material = tissue_material(config, Constants(C2, C3, initial.structure_tensor), clock)
+        return LoadStepper.of(specimen.mesh, material, specimen.prescribed, config["linear_solver"], clock=clock)
 
     refit = LaggedRefit(
         stepper_of,
@@ -62,7 +64,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
         )
     for C2, C3 in found.last_changes:
         print(f"last step again: C2 changed by up to {C2:.3g} MPa, C3 by up to {C3:.3g}", file=sys.stderr)
-    dataset = tissue_dataset(specimen, found.solution, found.C2, found.C3, initial.structure_tensor, matrix)
+    dataset = tissue_dataset(specimen, found.solution, found.C2, found.C3, initial.structure_tensor, matrix, clock)
     write_tissue(specimen, dataset, failure, outputs, params)
 
 

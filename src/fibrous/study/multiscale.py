@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -135,6 +134,4 @@ def _dataset(
 ) -> xr.Dataset:
     nothing = np.full((len(walk.targets), len(tensor)), np.nan)
     counts = dict(zip(COUNTS, kept.counts.T, strict=True))
-    dataset = tissue_dataset(specimen, walk.solution, nothing, nothing, tensor, config["matrix"], counts)
-    dataset.attrs["cpu_seconds_of_parts"] = json.dumps(dict(sorted(clock.seconds.items())))
-    return dataset
+    return tissue_dataset(specimen, walk.solution, nothing, nothing, tensor, config["matrix"], clock, counts)

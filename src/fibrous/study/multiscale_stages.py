@@ -106,6 +106,9 @@ def _claims_config(config: Config) -> dict[str, Any]:
         "survey": list(SURVEY_NETWORKS),
         "large": large,
         "load_set": config["tissue"]["load_set"],
+        "tension_only": config["tissue"]["tension_only"],
+        "protocol": plan.protocol(config, config["tissue"]["protocol"]),
+        "forms": plan.forms(config),
         **{key: config[key] for key in ("claims", "load_sets", "named", "fit")},
     }
 

@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 
 from fibrous import datasets
+from fibrous.clock import Clock
 from fibrous.errors import ConvergenceError, DatasetError
 from fibrous.fe.boundary import reaction_force
 from fibrous.fe.fields import cauchy_stress
@@ -21,12 +22,14 @@ from fibrous.fe.solver import Attempt, LoadStepError, Solution
 from fibrous.materials.contract import Material
 from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
+from fibrous.materials.timed import Timed
 from fibrous.specimen import FIXED, MOVED, Specimen
 from fibrous.study.fit_tables import ALL, LOAD, SINGLE, TENSOR_COLUMNS, fiber_law_of, fits_of, structure_tensors
 from fibrous.vtu_files import vtu
 
 NETWORK_COUNTS = ("network_iterations", "network_cuts", "indefinite_hessians")
 LAWS_WITH_CONSTANTS = ("families", "structure_tensor")
+LAW = "fibre law"  # part of the CPU time of a run: stress and tangent of its fibres
 COLUMNS = ("network", "load_set", "deformation", "energy", "objective", "C2_MPa", "C3", *TENSOR_COLUMNS)
 
 
@@ -73,14 +76,16 @@ def fitted_constants(path: Path, networks: np.ndarray, model: Mapping[str, Any],
     return Constants(table["C2_MPa"].to_numpy(float), table["C3"].to_numpy(float), structure_tensors(table))
 
 
-def tissue_material(config: Mapping[str, Any], constants: Constants, fibers: Material | None = None) -> Material:
-    """The matrix of the config with its law's fibres (Eq. 10A), or with those given."""
+def tissue_material(
+    config: Mapping[str, Any], constants: Constants, clock: Clock, fibers: Material | None = None
+) -> Material:
+    """The matrix of the config with its law's fibres (Eq. 10A), or with those given; `clock` counts these as LAW."""
     matrix = NeoHookean(config["matrix"]["C1_MPa"], config["matrix"]["lame_lambda_MPa"])
     # One value an element, the same at its Gauss points.
     C2, C3, tensor = constants.C2[:, None], constants.C3[:, None], constants.structure_tensor[:, None]
     if config["model"]["law"] in LAWS_WITH_CONSTANTS:
         fibers = fiber_law_of(config["model"]["law"], tensor, C2, C3, config["tension_only"])
-    return matrix if fibers is None else Mixture((matrix, fibers))
+    return matrix if fibers is None else Mixture((matrix, Timed(fibers, clock, LAW)))
 
 
 def tissue_dataset(
@@ -90,11 +95,13 @@ def tissue_dataset(
     C3: np.ndarray,
     tensor: np.ndarray,
     matrix: Mapping[str, float],
+    clock: Clock,
     network_counts: Mapping[str, np.ndarray] | None = None,
 ) -> xr.Dataset:
     """A dataset of the kind `tissue`; C2 and C3 have shape (steps, elements), H shape (elements, 3, 3).
 
-    `network_counts` are what networks spent at each step, by the names of the variables, shape (steps,).
+    `clock` holds what the parts of the run cost; `network_counts` are what networks spent at each step, by the names of
+    the variables, shape (steps,).
     """
     entheses = [FIXED, MOVED]
     reactions = [reaction_force(solution.internal_force, np.flatnonzero(specimen.enthesis == one)) for one in entheses]
@@ -120,6 +127,7 @@ def tissue_dataset(
         C1_MPa=matrix["C1_MPa"],
         lame_lambda_MPa=matrix["lame_lambda_MPa"],
         linear_solvers=json.dumps(dict(solution.linear_solvers)),
+        cpu_seconds_of_parts=json.dumps(dict(sorted(clock.seconds.items()))),
     )
     return dataset
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fibrous import datasets
+from fibrous.clock import Clock
 from fibrous.errors import DatasetError, naming
 from fibrous.fe.solver import LoadStepError, LoadStepper
 from fibrous.materials.affine_fibers import AffineFibers
@@ -38,9 +39,11 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     specimen, networks = read_specimen(inputs["specimen"][0])
     constants = _constants(inputs, config, specimen, networks)
     fibers = _affine(inputs["networks"], networks) if config["model"]["law"] == "affine" else None
+    clock = Clock()
     with naming(f"model {config['run']}"):
-        material = tissue_material(config, constants, fibers)
-        stepper = LoadStepper.of(specimen.mesh, material, specimen.prescribed, config["linear_solver"])
+        material = tissue_material(config, constants, clock, fibers)
+        solver = config["linear_solver"]
+        stepper = LoadStepper.of(specimen.mesh, material, specimen.prescribed, solver, clock=clock)
     failure = None
     try:
         solution = stepper.follow(specimen.prescribed.values)
@@ -49,7 +52,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     say(solution.attempts)
     steps = len(solution.converged)
     C2, C3 = (np.tile(values, (steps, 1)) for values in (constants.C2, constants.C3))
-    dataset = tissue_dataset(specimen, solution, C2, C3, constants.structure_tensor, config["matrix"])
+    dataset = tissue_dataset(specimen, solution, C2, C3, constants.structure_tensor, config["matrix"], clock)
     write_tissue(specimen, dataset, failure, outputs, params)
 
 
