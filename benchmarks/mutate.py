@@ -665,6 +665,20 @@ MUTATIONS = [
         "judged([network < law, network / law >= wanted])",
         "test_audit_laws.py",
     ),
+    Mutation(
+        "layers of the flow chart",
+        "figures/flow.py",
+        "max((1 + longest_way(other, reads)",
+        "max((1 - longest_way(other, reads)",
+        "test_flow.py",
+    ),
+    Mutation(
+        "distance of boxes in the flow chart",
+        "figures/flow.py",
+        "{node: first[index] + index for",
+        "{node: first[index] - index for",
+        "test_flow.py",
+    ),
 ]
 
 
