@@ -133,12 +133,10 @@ def surface_r_squared(
     near = {name: np.abs(np.asarray(one) - wanted) <= thresholds.r_squared for name, one in ours.items()}
     best = max(near.values(), key=lambda one: int(one.sum()))
     shares = {name: [_scatter(fits[name], named[name], constant) for constant in ("C2", "C3")] for name in ours}
-    scatter = listed(
-        [
-            f"{percent(C2)} and {percent(C3)} with {name}, whose surfaces leave {percent(1.0 - ours[name][0])} and "
-            f"{percent(1.0 - ours[name][1])} unexplained"
-            for name, (C2, C3) in shares.items()
-        ]
+    scatter = ", and ".join(
+        f"{percent(C2)} and {percent(C3)} with {name}, whose surfaces leave {percent(1.0 - ours[name][0])} and "
+        f"{percent(1.0 - ours[name][1])} unexplained"
+        for name, (C2, C3) in shares.items()
     )
     return Finding(
         "; ".join(f"{name}: C2 (nine terms) {say(one[0])}, C3 (eight) {say(one[1])}" for name, one in ours.items()),
