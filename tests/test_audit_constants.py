@@ -82,9 +82,9 @@ def test_no_reading_of_the_printed_moduli_is_one():
     found = printed_table.table_1(STATEMENTS["table1-c2"], "C2", found_fits, {"one": np.zeros(9)}, THRESHOLDS)
     assert verdict_of(found) is CONTRADICTED
     assert "0 of 9 (one)" in found.here
-    assert "none falls with alignment" in found.why
+    assert "falls with alignment, as section 3.2 says, with none of them, and rises" in found.why
     # Section 4.1's modulus that grows is what two relabellings and two turned signs say.
-    rising = found.why.split("as section 3.2 says, and ")[1]
+    rising = found.why.split("as section 4.1 says, with ")[1]
     for reading in ("(H22, H11)", "(H33, H11)", "(H11, H22) with the sign turned", "(H11, H33) with the sign turned"):
         assert f"{reading} (negative at " in rising
     # Swapped indices, by hand: each coefficient times H22^i H11^j.
@@ -139,7 +139,9 @@ def test_constants_belong_to_their_amplitude():
     small, large, nonlinear = constants(2.0 * FALLS, RISES), constants(FALLS, RISES), constants(FALLS, 2.0 * RISES)
     pair = curves(stretch=1.1), curves(stretch=1.1)
     for first, verdict in ((large, REPRODUCED), (small, NOT), (nonlinear, NOT)):
-        assert verdict_of(of_constants.amplitude((first, large), (first, large), pair, THRESHOLDS)) is verdict
+        found = of_constants.amplitude((first, large), (first, large), pair, THRESHOLDS)
+        assert verdict_of(found) is verdict
+        assert ("they belong to the range" in found.why) == (verdict is NOT)
 
 
 def test_the_exponent_of_the_energy_at_small_strain():

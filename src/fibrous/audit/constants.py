@@ -49,17 +49,19 @@ def amplitude(
     same = alike(few.C2, many.C2, thresholds.same_magnitude) & alike(few.C3, many.C3, thresholds.same_magnitude)
     ratio = few.C2[many.C2 > 0.0] / many.C2[many.C2 > 0.0]
     middle, largest = float(np.median(ratio)), float(ratio.max())
+    belong = holds_for_most(same, thresholds.most)
     shear = np.array([Load.parse(load).kind == "shear" for load in curves[0].loads])
     of_case, of_first = (starting_exponents(one)[0] for one in curves)
     return Finding(
         f"C2 {say(small.C2[0], unit='MPa')} up to λ_f = {small.amplitude[0]:.2f}, {say(large.C2[0], unit='MPa')} up to "
         f"{large.amplitude[0]:.2f}; C3 {say(small.C3[0])} and {say(large.C3[0])}",
-        judged([share_of(same) >= thresholds.most]),
+        judged([belong]),
         f"Both constants fitted up to 10 % Green strain (λ_f {stretches(few.amplitude)}) and up to 112 % "
         f"({stretches(many.amplitude)}) agree within a factor of {number(thresholds.same_magnitude)} in "
         f"{percent(share_of(same))} of {len(same)} networks, and the first C2 is {number(middle)} times the second "
-        f"(median; {number(largest)} at most): they belong to the range they were fitted on. At small strain W grows "
-        f"as a power of λ_f − 1, which is 2 in Eq. 2 and here {_known_span(of_case[shear])} under shear and "
+        f"(median; {number(largest)} at most){'' if belong else ': they belong to the range they were fitted on'}. At "
+        f"small strain W grows as a power of λ_f − 1, which is 2 in Eq. 2 and here {_known_span(of_case[shear])} under "
+        "shear and "
         f"{_known_span(of_case[~shear])} under the other loads of the case-study network, {_known_span(of_first)} "
         "under all loads of network 1.",
         over_replicates([f"ratio of C2 {span(small.C2[1:] / large.C2[1:])}"], len(small.C2) - 1),

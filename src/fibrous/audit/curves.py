@@ -34,11 +34,12 @@ LoadSets = Mapping[str, tuple[str, ...]]
 def alignment(statement: Statement, tensors: Array) -> Finding:
     """The case-study network's H, shape (networks, 3, 3), the paper's first, to half the last digit printed."""
     diagonal = np.einsum("nii->ni", tensors)
-    off = float(np.abs(diagonal[0] - statement.value).max())
+    off, doubt = float(np.abs(diagonal[0] - statement.value).max()), half_of_last_digit(statement.value)
     return Finding(
         ", ".join(f"{one:.3f}" for one in diagonal[0]),
-        judged([off <= half_of_last_digit(statement.value)]),
-        f"The generator is asked for this tensor; its network is off by {number(off, 1)} at most.",
+        judged([off <= doubt]),
+        f"The generated network is off by {number(off, 1)} at most, where half of the last digit printed is "
+        f"{number(doubt)}.",
         over_replicates([f"H{i + 1}{i + 1} {span(diagonal[1:, i])}" for i in range(3)], len(tensors) - 1),
     )
 

@@ -62,11 +62,12 @@ def table_1(
         verdict = judged([True, any(one <= thresholds.surface_error for one in apart.values())])
     else:
         verdict = Verdict.PARTLY if sound else Verdict.CONTRADICTED
-    rise = f"{_named(rising, negative, 'rise')} with alignment"
+    rises = f"rises with alignment, as {'section 4.1 says' if constant == 'C2' else 'both sections say'}, with "
+    rises += _named(rising, negative)
     wanted = (
-        f"{_named(falling, negative, 'fall')} with alignment, as section 3.2 says, and {rise}, as section 4.1 says"
+        f"falls with alignment, as section 3.2 says, with {_named(falling, negative)}, and {rises}"
         if constant == "C2"
-        else f"{rise}, as both sections say"
+        else rises
     )
     survey = [float(evaluate(statement.value, *at)) for name, at in printed.ALIGNMENTS.items() if name != "isotropy"]
     off = listed([f"{number(one)} ({name})" for name, one in apart.items() if np.isfinite(one)] or ["unknown"])
@@ -81,17 +82,14 @@ def table_1(
         f"At the alignments of our {len(ensemble.H11)} networks {constant} is negative at "
         f"{percent(negative[AS_PRINTED])} as printed and at {percent(negative[SWAPPED])} with the indices swapped "
         f"(rank correlations with H11 over the {len(aligned.H11)} aligned with x {along[AS_PRINTED]:+.2f} and "
-        f"{along[SWAPPED]:+.2f}). Of the twelve readings, any two components of H as the H11 and H22 of Eq. 11 and "
-        f"either sign, that are positive at {percent(thresholds.most)} of the alignments or more, {wanted}.",
+        f"{along[SWAPPED]:+.2f}). Read in twelve ways, with any two components of H as the H11 and H22 of Eq. 11 and "
+        f"either sign, {constant} is positive at {percent(thresholds.most)} of the alignments or more and {wanted}.",
     )
 
 
-def _named(found: Sequence[str], negative: Mapping[str, float], verb: str) -> str:
-    """Readings, with the share of alignments at which each is negative, and what they do."""
-    if not found:
-        return f"none {verb}s"
-    names = listed([f"{name} (negative at {percent(negative[name])})" for name in found])
-    return f"{names} {verb}{'s' if len(found) == 1 else ''}"
+def _named(found: Sequence[str], negative: Mapping[str, float]) -> str:
+    """Readings, with the share of alignments at which each is negative."""
+    return listed([f"{name} (negative at {percent(negative[name])})" for name in found]) if found else "none of them"
 
 
 def _inside(statement: Statement, coefficient: Array) -> NDArray[np.bool_]:
@@ -133,12 +131,10 @@ def surface_r_squared(
     near = {name: np.abs(np.asarray(one) - wanted) <= thresholds.r_squared for name, one in ours.items()}
     best = max(near.values(), key=lambda one: int(one.sum()))
     shares = {name: [_scatter(fits[name], named[name], constant) for constant in ("C2", "C3")] for name in ours}
-    scatter = listed(
-        [
-            f"{percent(C2)} and {percent(C3)} with {name}, whose surfaces leave {percent(1.0 - ours[name][0])} and "
-            f"{percent(1.0 - ours[name][1])} unexplained"
-            for name, (C2, C3) in shares.items()
-        ]
+    scatter = ", and ".join(
+        f"{percent(C2)} and {percent(C3)} with {name}, whose surfaces leave {percent(1.0 - ours[name][0])} and "
+        f"{percent(1.0 - ours[name][1])} unexplained"
+        for name, (C2, C3) in shares.items()
     )
     return Finding(
         "; ".join(f"{name}: C2 (nine terms) {say(one[0])}, C3 (eight) {say(one[1])}" for name, one in ours.items()),

@@ -158,10 +158,10 @@ def _modulus(trends: _Trends, own: BySet, common: BySet, way: str, holds: Holds)
     limit = max(float(fits.ensemble.amplitude.max()) for fits in common.values())
     of_own, of_common = trends.ranks("C2")
     return (
-        f"C2 {way} {where(holds[0])} where each network is fitted up to its own λ_f ({stretches(amplitudes)}; rank "
-        f"correlations with H11 {of_own} with {listed(list(own))}, over the {len(aligned[0].H11)} of "
-        f"{len(ensembles[0].H11)} networks whose H11 is the largest component), and {where(holds[1])} where all are "
-        f"fitted up to one of {stretches(limit)} ({of_common})"
+        f"C2 {way}, over the ensemble and from network 1 to 5, {where(holds[0])} where each network is fitted up to "
+        f"its own λ_f ({stretches(amplitudes)}; rank correlations with H11 {of_own} with {listed(list(own))}, over the "
+        f"{len(aligned[0].H11)} of {len(ensembles[0].H11)} networks whose H11 is the largest component), and "
+        f"{where(holds[1])} where all are fitted up to one of {stretches(limit)} ({of_common})"
     )
 
 
