@@ -61,9 +61,8 @@ def amplitude(
         f"{percent(share_of(same))} of {len(same)} networks, and the first C2 is {number(middle)} times the second "
         f"(median; {number(largest)} at most){'' if belong else ': they belong to the range they were fitted on'}. At "
         f"small strain W grows as a power of λ_f − 1, which is 2 in Eq. 2 and here {_known_span(of_case[shear])} under "
-        "shear and "
-        f"{_known_span(of_case[~shear])} under the other loads of the case-study network, {_known_span(of_first)} "
-        "under all loads of network 1.",
+        f"shear and {_known_span(of_case[~shear])} under the other loads of the case-study network, "
+        f"{_known_span(of_first)} under all loads of network 1.",
         over_replicates([f"ratio of C2 {span(small.C2[1:] / large.C2[1:])}"], len(small.C2) - 1),
     )
 
