@@ -19,7 +19,7 @@ from fibrous import datasets
 from fibrous.audit.finding import Verdict
 from fibrous.audit.statements import CHECKS
 from fibrous.report.headline import headline
-from fibrous.report.outline import SECTIONS, TARGETS, exhibits
+from fibrous.report.outline import CONTRADICTIONS, SECTIONS, TARGETS, exhibits
 from fibrous.report.page import table_page
 from fibrous.report.readme import duration, filled
 from fibrous.report.tables import VIEWS, View, shown
@@ -127,6 +127,14 @@ def test_every_statement_of_the_paper_stands_in_one_place():
     assert sorted(told) == sorted(entry["id"] for entry in statements())
 
 
+def test_every_contradiction_is_settled_by_statements_that_are_judged(page):
+    settled = [id for ids in CONTRADICTIONS.values() for id in ids]
+    assert len(set(settled)) == len(settled)
+    assert set(settled) <= set(CHECKS)
+    for topic in CONTRADICTIONS:
+        assert topic in page.words
+
+
 def test_every_figure_and_table_of_the_study_has_its_place():
     figures = {name for name, stage in STAGES.items() if name.startswith("figure_") and not stage.on_demand}
     assert {one.stage for one in exhibits() if one.stage} == figures
@@ -162,6 +170,12 @@ def test_a_table_keeps_the_rows_and_columns_of_its_view():
     )
     assert shown(table, View("p", {"c": "third"}))[1] == [["0.123"], [""]]
     assert shown(table, View("p", {"a": "first"}, {"c": (None,)}))[1] == [["2"]]
+
+
+def test_powers_keep_their_zeros_and_load_sets_their_sections():
+    table = pd.DataFrame({"ij": [0, 1, 20], "set": ["section_3_1"] * 3})
+    found = shown(table, View("p", {"ij": "ij", "set": "set"}))[1]
+    assert found == [["00", "section 3.1"], ["01", "section 3.1"], ["20", "section 3.1"]]
 
 
 def test_a_table_of_laws_says_what_they_are():

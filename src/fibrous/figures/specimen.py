@@ -29,6 +29,7 @@ FIELDS = {
     "d": ("largest_principal_stretch", "largest principal stretch (1)"),
 }
 DEFORMED = "d"
+TITLES = ("initial constants", "after the refit")  # of a run and the one with its constants fitted anew
 BONES = {1: "fixed\nbone", 2: "moved\nbone"}
 
 
@@ -62,6 +63,7 @@ def draw(specimen: xr.Dataset, runs: list[Run]) -> Figure:
     figure = style.new_figure(style.FULL_WIDTH_MM, height)
     bottom, top = 19.0 / height, 1.0 - 6.0 / height
     shown = _shown(runs)
+    titles = TITLES if len(runs) == len(TITLES) else [one.name.replace("_", " ") for one in runs]
     widths = [1.4] + [1.0] * len(shown)
     columns = figure.add_gridspec(
         1, len(widths), left=0.01, right=0.995, bottom=bottom, top=top, wspace=0.08, width_ratios=widths
@@ -81,7 +83,7 @@ def draw(specimen: xr.Dataset, runs: list[Run]) -> Figure:
             if letter == DEFORMED:
                 draw_edges(axes, CAMERA, rest, edges, style.INK, width=0.4, order=3)
             show_bodies(axes, [rest, *(other.position for other in runs)])
-            axes.set_title(one.name.replace("_", " "), pad=1.0)
+            axes.set_title(titles[row], pad=1.0)
             style.panel_letter(axes, f"{letter}{row + 1}", dx_mm=4.0)
         draw_bar(figure, columns[number].get_position(figure), colors, label, "max")
     note = f"{specimen.attrs['origin'].capitalize()}. a: at rest, lines are the mean directions of fibres. "

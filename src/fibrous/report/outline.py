@@ -126,7 +126,7 @@ SECTIONS = (
     Section(
         "The tissue",
         "Sections 2.7 and 3.4: finite elements with a network for every element. The paper's mesh and motion are not "
-        "public; what stands in for them is said above every table below.",
+        "public: figures and tables say what stands in for them.",
         (
             Exhibit(
                 "The specimen, its constants and its motion",
@@ -164,6 +164,18 @@ SECTIONS = (
     ),
 )
 
+# What the paper says in two ways or takes for granted, and the statements by which it is settled.
+CONTRADICTIONS = {
+    "Table 1's C2: its sign, the order of its indices, other readings of H": ("table1-c2",),
+    "Section 3.2 against section 4.1: how C2 and C3 change with alignment": ("c2-trend", "c2-trend-discussion"),
+    "xy- and yz-shear (section 2.3) against xy- and xz-shear (sections 2.6 and 3.1)": ("shear-pair",),
+    "The stretches of network 3": ("network3-stretches",),
+    "Eq. 2 fitted and Eq. 10C run": ("eq2-run-as-eq10c",),
+    "One pair of constants a network, whatever the amplitude": ("constants-of-alignment-alone",),
+    "FEBio and the HGO model": ("febio-hgo",),
+    "The rows of Figure 3: text against caption": ("figure-3-rows",),
+    "Section 3.1 against section 4.1: families of deformations": ("family-fits", "family-fits-denied"),
+}
 # Targets of the workflow: section of the paper, and what each makes.
 TARGETS = {
     "networks": (

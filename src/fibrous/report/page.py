@@ -11,7 +11,7 @@ from importlib import resources
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
-from fibrous.report.outline import SECTIONS
+from fibrous.report.outline import CONTRADICTIONS, SECTIONS
 
 Rows = Sequence[Sequence[str]]
 _WIDTH = re.compile(rb'<svg[^>]*?\swidth="([0-9.]+)pt"')
@@ -69,6 +69,7 @@ def report_page(report: Report) -> str:
     return _template("report.html").render(
         report=report,
         sections=SECTIONS,
+        contradictions=CONTRADICTIONS,
         style=_style(),
         claims={claim.id: claim for claim in report.claims},
         embedded=_embedded,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,6 +10,9 @@ from typing import Any
 import pandas as pd
 
 from fibrous.words import law_label
+
+# Load sets are named after sections of the paper.
+_SECTION = re.compile(r"\bsection_(\d+)_(\d+)\b")
 
 
 @dataclass(frozen=True)
@@ -117,6 +121,7 @@ VIEWS = {
         "results/tables/table_2.csv",
         {
             "method": "method",
+            "runs": "runs",
             "task": "task",
             "specimen": "specimen",
             "paper_cpu_hours": "paper (CPU-hours)",
@@ -162,6 +167,10 @@ def shown(table: pd.DataFrame, view: View) -> tuple[list[str], list[list[str]]]:
     """Headings and rows of `table` as `view` shows them, every cell a text; empty where the table holds nothing."""
     for column, values in view.where.items():
         table = table[table[column].isin([one for one in values if one]) | (table[column].isna() & (None in values))]
+    if "ij" in table:
+        table = table.assign(
+            ij=table["ij"].map("{:02d}".format)
+        )  # powers of H11 and H22, which a CSV takes for a number
     rows = [[cell(value) for value in row] for row in table[list(view.columns)].itertuples(index=False)]
     headings = list(view.columns.values())
     if not view.law:
@@ -173,11 +182,13 @@ def shown(table: pd.DataFrame, view: View) -> tuple[list[str], list[list[str]]]:
 def cell(value: Any) -> str:
     """A number with three digits, and all digits of a whole one; nothing for a missing value.
 
-    >>> [cell(one) for one in (0.012345, 1234.5, 20.0, 7, float("nan"), "some_text", -0.5, 1.2e-6)]
-    ['0.0123', '1,234', '20', '7', '', 'some text', '−0.5', '1.2e−06']
+    >>> [cell(one) for one in (0.012345, 1234.5, 20.0, 7, float("nan"), -0.5, 1.2e-6)]
+    ['0.0123', '1,234', '20', '7', '', '−0.5', '1.2e−06']
+    >>> cell("multiscale_one_step"), cell("section_3_1")
+    ('multiscale one step', 'section 3.1')
     """
     if isinstance(value, str):
-        return value.replace("_", " ")
+        return _SECTION.sub(r"section \1.\2", value).replace("_", " ")
     if pd.isna(value):
         return ""
     number = float(value)
