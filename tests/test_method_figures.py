@@ -40,6 +40,7 @@ def run(name, folder, target, **changed):
 
 def texts_of(figure):
     """Texts with their boxes, without the tick labels, which matplotlib keeps outside the view, too."""
+    figure.draw_without_rendering()  # places the labels of axes
     texts = list(figure.texts)
     for axes in figure.axes:
         texts += [*axes.texts, *([axes.xaxis.label, axes.yaxis.label] if axes.axison else [])]

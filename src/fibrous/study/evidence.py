@@ -149,7 +149,7 @@ def _fits(paths: list[Path], load_set: str, deformation: str) -> Constants:
     if table.empty:
         raise DatasetError(f"{paths[0]}: holds no fit to '{deformation}' of '{load_set}'; delete it and run again")
     return Constants(
-        names=table["name"].fillna("").to_numpy(str),
+        names=table["name"].astype(object).fillna("").to_numpy(str),
         C2=table["C2_MPa"].to_numpy(float),
         amplitude=table["lambda_f_max"].to_numpy(float),
         **{field: table[field].to_numpy(float) for field in ("H11", "H22", "H33", "C3", "r_squared")},
