@@ -119,8 +119,8 @@ def near_isotropy(own: BySet, common: BySet, thresholds: Thresholds) -> Finding:
     return Finding(
         _ends(own, common),
         Verdict.CONTRADICTED if against else judged(parts),
-        f"{_modulus(trends, own, common, 'rises' if against else 'falls', rises if against else falls)}"
-        f"{', as section 4.1 says' if against else ''}. {_nonlinearity(trends, nonlinear)}.",
+        f"F{_modulus(trends, own, common, 'rises' if against else 'falls', rises if against else falls)[1:]}"
+        f"{', as section 4.1 says' if against else ''}. {_nonlinearity(trends, own, nonlinear)}.",
         _spread(own, common),
     )
 
@@ -136,7 +136,7 @@ def growth(own: BySet, common: BySet, thresholds: Thresholds) -> Finding:
         Verdict.CONTRADICTED if against else judged(parts),
         "On the modulus section 3.2 says the opposite: "
         f"{_modulus(trends, own, common, 'falls' if against else 'rises', falls if against else rises)}. On "
-        f"nonlinearity both sections agree: {_nonlinearity(trends, nonlinear)}.",
+        f"nonlinearity both sections agree: {_nonlinearity(trends, own, nonlinear)}.",
         _spread(own, common),
     )
 
@@ -151,26 +151,26 @@ def _ways(trends: _Trends, thresholds: Thresholds) -> tuple[Holds, Holds, Holds]
 
 
 def _modulus(trends: _Trends, own: BySet, common: BySet, way: str, holds: Holds) -> str:
-    """What C2 does over which networks, fitted how far."""
-    ensembles = [fits.ensemble for fits in own.values()]
-    aligned = [one.along_x() for one in ensembles]
-    amplitudes = np.concatenate([one.amplitude for one in aligned])
+    """What C2 does where networks are fitted up to their own λ_f, and up to one of all."""
+    amplitudes = np.concatenate([fits.ensemble.along_x().amplitude for fits in own.values()])
     limit = max(float(fits.ensemble.amplitude.max()) for fits in common.values())
     of_own, of_common = trends.ranks("C2")
     return (
-        f"C2 {way}, over the ensemble and from network 1 to 5, {where(holds[0])} where each network is fitted up to "
-        f"its own λ_f ({stretches(amplitudes)}; rank correlations with H11 {of_own} with {listed(list(own))}, over the "
-        f"{len(aligned[0].H11)} of {len(ensembles[0].H11)} networks whose H11 is the largest component), and "
-        f"{where(holds[1])} where all are fitted up to one of {stretches(limit)} ({of_common})"
+        f"fitted up to each network's own λ_f ({stretches(amplitudes)}) C2 {way} {where(holds[0])} (rank correlations "
+        f"with H11 {of_own} with {listed(list(own))}), and up to one λ_f of {stretches(limit)} for all "
+        f"{where(holds[1])} ({of_common})"
     )
 
 
-def _nonlinearity(trends: _Trends, holds: Holds) -> str:
-    """The same of C3, and how many fits are at its bound."""
+def _nonlinearity(trends: _Trends, own: BySet, holds: Holds) -> str:
+    """The same of C3, how many fits are at its bound, and over which networks."""
     (of_own, of_common), (bound, common_bound) = trends.ranks("C3"), trends.at_bound()
+    ensemble = next(iter(own.values())).ensemble
     return (
-        f"C3 rises {where(holds[0])} in the first of these fits ({of_own}; C3 = 0, its bound, in {bound} of networks) "
-        f"and {where(holds[1])} in the second ({of_common}; {common_bound})"
+        f"C3 rises {where(holds[0])} in the first case ({of_own}; it is 0, its bound, in {bound} of networks) and "
+        f"{where(holds[1])} in the second ({of_common}; {common_bound}); correlations are over the "
+        f"{len(ensemble.along_x().H11)} of {len(ensemble.H11)} networks whose H11 is the largest component, and "
+        "networks 1 and 5 must agree"
     )
 
 
