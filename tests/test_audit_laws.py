@@ -271,11 +271,11 @@ def test_the_gain(multiscale, verdict):
 
 
 def test_two_solvers_are_told_from_two_methods():
-    """A state of a network: 1.3 h over 900 · 120 states are 43 ms; in the coupled run over 900 · 8 · 20."""
+    """A state of a network: 1.32 h over 900 · 120 states are 44 ms; in the coupled run over 900 · 8 · 20."""
     for seconds, state, own in ((144.0, "1", True), (144000.0, "1,000", False)):
-        found = costs.total(STATEMENTS["time-total"], replace(SPENT, networks_seconds=seconds), THRESHOLDS)
-        assert "takes 43.3 ms there, where networks are solved one at a time and then fitted, " in found.why
-        assert f"and {state} ms in the multiscale run" in found.why
+        found = costs.total(STATEMENTS["time-total"], replace(SPENT, multiscale_seconds=seconds), THRESHOLDS)
+        assert "108,000 states of networks, solved one at a time, cost 44 ms each" in found.why
+        assert f"144,000 of the multiscale run, solved eight at a time, {state} ms" in found.why
         assert ("compares two solvers as much as two methods" in found.why) == own
 
 

@@ -52,7 +52,7 @@ def test_the_diffs_apply_and_leave_a_study_that_runs():
 
 def test_every_number_of_the_run_is_that_of_its_tables():
     assert refreshed(README) == README
-    assert README.count("<!-- end of ") == 3
+    assert README.count("<!-- end of ") == 4
 
 
 def test_the_picture_is_of_the_run_that_the_numbers_come_from():

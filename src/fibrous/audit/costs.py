@@ -106,8 +106,9 @@ def total(statement: Statement, costs: Costs, thresholds: Thresholds) -> Finding
     found = costs.multiscale / costs.hybrid
     parts = [found > 1.0, found >= printed / thresholds.order_of_time]
     share = (costs.initial + costs.refit) / costs.hybrid
-    own = 3600.0 * (costs.initial + costs.refit) / (costs.networks * (costs.loads * costs.steps + costs.load_steps))
-    coupled = costs.networks_seconds / (costs.networks * POINTS * costs.load_steps)
+    own_states = costs.networks * (costs.loads * costs.steps + costs.load_steps)
+    coupled_states = costs.networks * POINTS * costs.load_steps
+    own, coupled = 3600.0 * costs.hybrid / own_states, costs.multiscale_seconds / coupled_states
     solvers = (
         ", so that the ratio compares two solvers as much as two methods"
         if own > thresholds.same_time * coupled
@@ -117,10 +118,10 @@ def total(statement: Statement, costs: Costs, thresholds: Thresholds) -> Finding
         f"{say(costs.multiscale)} against {say(costs.hybrid, unit='CPU-hours')}",
         judged(parts),
         f"The multiscale run takes {number(found)} times the hybrid method, where the paper has {number(printed)}; "
-        f"networks and their fits are {percent(share)} of the hybrid's cost. A state of a network takes "
-        f"{number(1e3 * own)} ms there, where networks are solved one at a time and then fitted, and "
-        f"{number(1e3 * coupled)} ms in the multiscale run, which solves eight at a time{solvers}; specimen: "
-        f"{costs.origin}, {counted(costs.networks, 'element')}.",
+        f"networks and their fits are {percent(share)} of the hybrid's cost. With all that is done around them its "
+        f"{number(own_states, 4)} states of networks, solved one at a time, cost {number(1e3 * own)} ms each, and the "
+        f"{number(coupled_states, 4)} of the multiscale run, solved eight at a time, {number(1e3 * coupled)} ms"
+        f"{solvers}; specimen: {costs.origin}, {counted(costs.networks, 'element')}.",
     )
 
 

@@ -62,13 +62,13 @@ def table_1(
         verdict = judged([True, any(one <= thresholds.surface_error for one in apart.values())])
     else:
         verdict = Verdict.PARTLY if sound else Verdict.CONTRADICTED
-    rises = f"rises with alignment, as {'section 4.1 says' if constant == 'C2' else 'both sections say'}, with "
-    rises += _named(rising, negative)
-    wanted = (
-        f"falls with alignment, as section 3.2 says, with {_named(falling, negative)}, and {rises}"
-        if constant == "C2"
-        else rises
-    )
+    both = "section 4.1 says" if constant == "C2" else "both sections say"
+    wanted = f"and rises with alignment, as {both}, in {_count(rising)}"
+    if constant == "C2":
+        wanted = f"and falls with alignment, as section 3.2 says, in {_count(falling)}, {wanted}"
+    named = f"readings that rise: {_named(rising, negative)}"
+    if constant == "C2":
+        named = f"readings that fall: {_named(falling, negative)}; {named}"
     survey = [float(evaluate(statement.value, *at)) for name, at in printed.ALIGNMENTS.items() if name != "isotropy"]
     off = listed([f"{number(one)} ({name})" for name, one in apart.items() if np.isfinite(one)] or ["unknown"])
     inside = {name: _inside(statement, one) for name, one in coefficients.items()}
@@ -77,19 +77,23 @@ def table_1(
     return Finding(
         f"printed surface at networks 1 to 5: {say(*survey, unit='MPa' if constant == 'C2' else '')}; RMS difference "
         f"from ours, in RMS of ours: {off}; our coefficients inside the printed intervals: {agreeing}; ours are fitted "
-        f"up to λ_f = {amplitudes}",
+        f"up to λ_f = {amplitudes}; {named}",
         verdict,
-        f"At the alignments of our {len(ensemble.H11)} networks {constant} is negative at "
-        f"{percent(negative[AS_PRINTED])} as printed and at {percent(negative[SWAPPED])} with the indices swapped "
-        f"(rank correlations with H11 over the {len(aligned.H11)} aligned with x {along[AS_PRINTED]:+.2f} and "
-        f"{along[SWAPPED]:+.2f}). Read in twelve ways, with any two components of H as the H11 and H22 of Eq. 11 and "
-        f"either sign, {constant} is positive at {percent(thresholds.most)} of the alignments or more and {wanted}.",
+        f"As printed {constant} is negative at {percent(negative[AS_PRINTED])} of the alignments of our "
+        f"{len(ensemble.H11)} networks, and at {percent(negative[SWAPPED])} with the indices swapped (rank "
+        f"correlations with H11 over the {len(aligned.H11)} aligned with x {along[AS_PRINTED]:+.2f} and "
+        f"{along[SWAPPED]:+.2f}). Of twelve readings, any two components of H as the H11 and H22 of Eq. 11 with either "
+        f"sign, it is positive at {percent(thresholds.most)} of the alignments {wanted}.",
     )
 
 
 def _named(found: Sequence[str], negative: Mapping[str, float]) -> str:
     """Readings, with the share of alignments at which each is negative."""
-    return listed([f"{name} (negative at {percent(negative[name])})" for name in found]) if found else "none of them"
+    return listed([f"{name} (negative at {percent(negative[name])})" for name in found]) if found else "none"
+
+
+def _count(found: Sequence[str]) -> str:
+    return str(len(found)) if found else "none"
 
 
 def _inside(statement: Statement, coefficient: Array) -> NDArray[np.bool_]:

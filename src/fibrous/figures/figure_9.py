@@ -75,7 +75,7 @@ def draw(specimen: xr.Dataset, runs: list[Run]) -> Figure:
             show_bodies(axes, [rest, *(other.position for other in runs)])
             title = titles[column]
             if column >= len(runs):
-                title += f"\nRMS {np.sqrt(np.mean(values**2)):.2g} {unit}".removesuffix(" 1")
+                title += f"\nRMS {np.sqrt(np.mean(values**2)):#.2g} {unit}".removesuffix(" 1")
             axes.set_title(title, pad=1.0)
             style.panel_letter(axes, f"{'ab'[row]}{column + 1}", dx_mm=4.0)
         draw_bar(figure, _box(figure, cells[row, 0], cells[row, len(runs) - 1]), fields, f"{label} ({unit})", "max")

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from fibrous.audit.finding import Verdict
+
 
 @dataclass(frozen=True)
 class Exhibit:
@@ -65,7 +67,6 @@ SECTIONS = (
                     "shear-pair",
                     "family-fits",
                     "family-fits-denied",
-                    "constants-of-alignment-alone",
                 ),
             ),
         ),
@@ -86,6 +87,7 @@ SECTIONS = (
                     "c2-trend",
                     "c2-trend-discussion",
                     "dissimilar-with-alignment",
+                    "constants-of-alignment-alone",
                 ),
             ),
             Exhibit(
@@ -164,17 +166,96 @@ SECTIONS = (
     ),
 )
 
-# What the paper says in two ways or takes for granted, and the statements by which it is settled.
-CONTRADICTIONS = {
-    "Table 1's C2: its sign, the order of its indices, other readings of H": ("table1-c2",),
-    "Section 3.2 against section 4.1: how C2 and C3 change with alignment": ("c2-trend", "c2-trend-discussion"),
-    "xy- and yz-shear (section 2.3) against xy- and xz-shear (sections 2.6 and 3.1)": ("shear-pair",),
-    "The stretches of network 3": ("network3-stretches",),
-    "Eq. 2 fitted and Eq. 10C run": ("eq2-run-as-eq10c",),
-    "One pair of constants a network, whatever the amplitude": ("constants-of-alignment-alone",),
-    "FEBio and the HGO model": ("febio-hgo",),
-    "The rows of Figure 3: text against caption": ("figure-3-rows",),
-    "Section 3.1 against section 4.1: families of deformations": ("family-fits", "family-fits-denied"),
+
+@dataclass(frozen=True)
+class Contradiction:
+    """What the paper says in two ways or takes for granted.
+
+    topic; claims : ids of the statements by which it is settled
+    settled : what follows where the first of them gets this verdict
+    """
+
+    topic: str
+    claims: tuple[str, ...]
+    verdict: str
+    settled: str
+
+
+CONTRADICTIONS = (
+    Contradiction(
+        "Table 1's C2: its sign, the order of its indices, other readings of H",
+        ("table1-c2",),
+        Verdict.CONTRADICTED,
+        "No reading of the printed coefficients gives a modulus that falls with alignment, as section 3.2 says.",
+    ),
+    Contradiction(
+        "Section 3.2 against section 4.1: how C2 and C3 change with alignment",
+        ("c2-trend-discussion", "c2-trend"),
+        Verdict.CONTRADICTED,
+        "Where the trend of C2 is clear it falls with alignment: section 3.2 is right. What C3 does depends on the "
+        "loads and on the range fitted.",
+    ),
+    Contradiction(
+        "xy- and yz-shear (section 2.3) against xy- and xz-shear (sections 2.6 and 3.1)",
+        ("shear-pair",),
+        Verdict.CONTRADICTED,
+        "It matters: constants and quality of the fits differ. Which of the paper's results belong to which pair is "
+        "said in the reason.",
+    ),
+    Contradiction(
+        "The stretches of network 3",
+        ("network3-stretches",),
+        Verdict.CONTRADICTED,
+        "The printed magnitudes do not lead to one averaged stretch, as section 2.3 wants.",
+    ),
+    Contradiction(
+        "Eq. 2 fitted and Eq. 10C run",
+        ("eq2-run-as-eq10c",),
+        Verdict.CONTRADICTED,
+        "They are two laws: with the same constants Eq. 10C stores more energy, and no refit of Eq. 2 can mend that.",
+    ),
+    Contradiction(
+        "One pair of constants a network, whatever the amplitude",
+        ("constants-of-alignment-alone",),
+        Verdict.NOT,
+        "The constants belong to the amplitude up to which they were fitted.",
+    ),
+    Contradiction(
+        "FEBio and the HGO model",
+        ("febio-hgo",),
+        Verdict.NOT,
+        "FEBio has the law, and along Eq. 9 it is nearer to Eq. 2 than the Eq. 10C that was run in its place.",
+    ),
+    Contradiction(
+        "The rows of Figure 3: text against caption",
+        ("figure-3-rows",),
+        Verdict.CONTRADICTED,
+        "Text and caption swap them, and no data decide which is right.",
+    ),
+    Contradiction(
+        "Section 3.1 against section 4.1: families of deformations",
+        ("family-fits", "family-fits-denied"),
+        Verdict.PARTLY,
+        "Each is right of some families and ranges; how many, the reason says.",
+    ),
+)
+# What a verdict means.
+MEANINGS = {
+    Verdict.REPRODUCED: "every part of the statement holds here, for most networks where it is about networks",
+    Verdict.PARTLY: "some of its parts, load sets or ranges hold, or a time is of the same order",
+    Verdict.NOT: "no part of it holds here",
+    Verdict.CONTRADICTED: "another passage, equation or number of the paper says or implies something else",
+    Verdict.UNKNOWN: "only the authors' own specimen could tell; what ours gives stands beside it",
+}
+# Words that figures and tables use.
+WORDS = {
+    "W": "strain energy density of the fibres (MPa).",
+    "λ_f": "averaged fibre stretch √(H:C) of Eq. 2, H the structure tensor, C the right Cauchy–Green tensor.",
+    "Load set": "five loads fitted together: section 3.1's have xz-shear (the default), section 2.3's yz-shear.",
+    "Coupled or multiscale": "the finite element run with a network in equilibrium at every Gauss point.",
+    "Hybrid": "the paper's method, with constants fitted to networks: Eq. 2 fitted, Eq. 10C run (called hgo in files).",
+    "Initial, refit": "constants from the load set, and from the deformation that the initial run found.",
+    "Replicates": "further random networks of one H. The network shown is none of them and may lie outside.",
 }
 # Targets of the workflow: section of the paper, and what each makes.
 TARGETS = {
@@ -206,6 +287,16 @@ TARGETS = {
     "claims": ("all", "every checkable statement of the paper: what came out here, verdict and reason"),
     "all": ("all", "all of this, and the report"),
 }
+
+
+def told() -> tuple[str, ...]:
+    """Ids of all statements in the order in which the report comes to them."""
+    return tuple(
+        id
+        for section in SECTIONS
+        for ids in (section.claims, *(exhibit.claims for exhibit in section.exhibits))
+        for id in ids
+    )
 
 
 def exhibits() -> tuple[Exhibit, ...]:

@@ -11,7 +11,7 @@ from importlib import resources
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
-from fibrous.report.outline import CONTRADICTIONS, SECTIONS
+from fibrous.report.outline import CONTRADICTIONS, MEANINGS, SECTIONS, WORDS, told
 
 Rows = Sequence[Sequence[str]]
 _WIDTH = re.compile(rb'<svg[^>]*?\swidth="([0-9.]+)pt"')
@@ -70,6 +70,9 @@ def report_page(report: Report) -> str:
         report=report,
         sections=SECTIONS,
         contradictions=CONTRADICTIONS,
+        meanings=MEANINGS,
+        words=WORDS,
+        told=told(),
         style=_style(),
         claims={claim.id: claim for claim in report.claims},
         embedded=_embedded,

@@ -29,6 +29,7 @@ def blocks(tables: Mapping[str, pd.DataFrame]) -> dict[str, str]:
     """Markdown by the name of its mark, from tables by the names of fibrous.report.tables."""
     return {
         "headline": "\n".join(f"- {sentence}" for sentence in headline(tables)),
+        "size": _size(tables["stages"]),
         "statements": _statements(tables["claims"].fillna("")),
         "targets": _targets(tables["targets"]),
     }
@@ -46,6 +47,13 @@ def filled(page: str, found: Mapping[str, str]) -> str:
         before, after = page[: page.index(start)], page[page.index(end) :]
         page = f"{before}{start}\n{text}\n{after}"
     return page
+
+
+def _size(stages: pd.DataFrame) -> str:
+    return (
+        f"The whole study takes {duration(stages['cpu_seconds'].sum())} of CPU time in {stages['jobs'].sum()} jobs, "
+        f"and its largest job {stages['largest_peak_memory_MB'].max() / 1000.0:.2g} GB of memory."
+    )
 
 
 def _statements(claims: pd.DataFrame) -> str:
