@@ -159,7 +159,7 @@ def _draw_contours(
         surface_axes.contourf(H11, H22, value, **colors)
         if value.min() < 0.0 < value.max():
             surface_axes.contour(H11, H22, value, levels=[0.0], colors="white", linestyles="--", linewidths=0.8)
-        surface_axes.set_title(f"Eq. 11, nine terms, $R^2$ = {float(surface['r_squared'].sel(constant=constant)):.3f}")
+        surface_axes.set_title(f"nine terms, $R^2$ = {float(surface['r_squared'].sel(constant=constant)):.3f}")
         for axes, letter in ((data_axes, "de"[column]), (surface_axes, "fg"[column])):
             _finish(axes, letter, fits)
             axes.set(xlim=_padded(H11), ylim=_padded(H22))
