@@ -293,7 +293,7 @@ def test_the_headline_says_what_the_tables_hold():
     said = headline({"claims": claims, "table_2": table_2(0.5), "comparison": comparison})
     assert said[0] == "Of 3 checkable statements of the paper: 2 reproduced, 1 partly."
     assert "costs 3 CPU-minutes here" in said[1]
-    assert "costs 6 CPU-minutes, 80 % of it for its own networks and their fits: the coupled" in said[1]
+    assert "costs 6 CPU-minutes, 80 % of it outside its finite elements, for networks and their fits: the" in said[1]
     assert "simulation takes 0.5 times as long" in said[1]
     assert "1,772 times (synthetic specimen)" in said[1]
     assert "Eq. 10C run, 75 % → 125 %; Eq. 10C fitted and run 9 %; the networks' own" in said[2]
