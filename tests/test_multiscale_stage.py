@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from reference import respond
 from small_study import NETWORK_FILES, SPECIMEN_FILE, small_specimen
 
 from fibrous import datasets, provenance
@@ -19,9 +20,8 @@ from fibrous.fe.solver import LoadStepper, Walk
 from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.materials.network import FiberNetworks
-from fibrous.networks.equilibrium import EquilibriumSolver
-from fibrous.networks.fiber_law import FiberLaw
-from fibrous.networks.response import respond
+from fibrous.networks.fiber_law import ExponentialFiber
+from fibrous.networks.guard import EquilibriumSolver
 from fibrous.study import table_2
 from fibrous.study.checkpoint import Checkpoint
 from fibrous.study.stages import STAGES, stage_params
@@ -48,7 +48,7 @@ def test_every_gauss_point_holds_its_network_in_equilibrium(coupled):
     for element, point in ((0, 0), (5, 3), (11, 7)):
         gradients = tissue["deformation_gradient"].values[:, element, point]
         path = np.concatenate([np.eye(3)[None], gradients])
-        alone = respond(EquilibriumSolver.of(coupled.networks()[element], FiberLaw(2.5)), path, SCALE)
+        alone = respond(EquilibriumSolver.of(coupled.networks()[element], ExponentialFiber(2.5)), path, SCALE)
         J = np.linalg.det(gradients)[:, None, None]
         matrix = 2.0 * 0.025 / J * (gradients @ gradients.swapaxes(1, 2) - np.eye(3)) + 0.417 * np.log(J) / J * np.eye(
             3
@@ -60,7 +60,7 @@ def test_every_gauss_point_holds_its_network_in_equilibrium(coupled):
 
 def test_counts_are_those_of_the_library_called_by_hand(coupled):
     specimen, tissue = small_specimen(), coupled.tissue("multiscale")
-    material = Mixture((NeoHookean(0.025, 0.417), FiberNetworks.of(coupled.networks(), FiberLaw(2.5), SCALE)))
+    material = Mixture((NeoHookean(0.025, 0.417), FiberNetworks.of(coupled.networks(), ExponentialFiber(2.5), SCALE)))
     found = LoadStepper.of(specimen.mesh, material, specimen.prescribed).follow(specimen.prescribed.values)
     assert found.displacement.tobytes() == tissue["displacement"].values.tobytes()
     assert found.newton_iterations.tolist() == tissue["newton_iterations"].values.tolist()
