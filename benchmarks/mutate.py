@@ -106,6 +106,27 @@ MUTATIONS = [
         "test_generation.py",
     ),
     Mutation(
+        "plane of the face at the negative end",
+        "networks/generation.py",
+        "np.hstack([points < -0.5, points > 0.5])",
+        "np.hstack([points < 0.5, points > 0.5])",
+        "test_generation.py",
+    ),
+    Mutation(
+        "where an edge passes the plane of a face",
+        "networks/generation.py",
+        "low, high = (-0.5 - start) / vector",
+        "low, high = (-0.5 + start) / vector",
+        "test_generation.py",
+    ),
+    Mutation(
+        "the two nodes of an edge in one number",
+        "networks/generation.py",
+        "* len(cloud) + np.maximum(first, second)",
+        "* len(cloud) - np.maximum(first, second)",
+        "test_generation.py",
+    ),
+    Mutation(
         "area of the alignments left of H11",
         "networks/generation.py",
         "first = room - np.sqrt(",

@@ -1,8 +1,10 @@
 """Generated networks against the theory of stretched isotropic clouds and Poisson-Delaunay tessellations."""
 
+from itertools import combinations
+
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
+from scipy.spatial import Delaunay, cKDTree
 from scipy.special import elliprg
 
 from fibrous.errors import NetworkError
@@ -124,6 +126,42 @@ def test_fibers_inside_are_delaunay_edges_of_their_own_preimage(full):
                 assert (min(first, second), max(first, second)) in known
     assert checked > 20
     assert len(middle) == len(ends)
+
+
+def test_edges_are_the_sides_of_the_tetrahedra_each_once_and_in_order():
+    cloud, edges = generation._triangulated(np.diag([0.6, 1.0, 1.7]), 3.0, np.random.default_rng(8))
+    sides = {pair for corners in Delaunay(cloud).simplices.tolist() for pair in combinations(sorted(corners), 2)}
+    assert edges.tolist() == [list(pair) for pair in sorted(sides)]
+
+
+def length_inside(start, end):
+    """Length of one edge in the closed unit cube: of its intervals between planes of faces, those with their middle in.
+
+    Independent of the order in which an edge passes the planes, and exact for edges that lie in one.
+    """
+    vector = end - start
+    moving = vector != 0.0
+    passed = np.concatenate([(plane - start[moving]) / vector[moving] for plane in (-0.5, 0.5)])
+    stops = np.sort(np.concatenate([[0.0, 1.0], passed[(passed > 0.0) & (passed < 1.0)]]))
+    middles = start + 0.5 * (stops[1:] + stops[:-1])[:, None] * vector
+    return np.diff(stops)[(np.abs(middles) <= 0.5).all(axis=1)].sum() * np.linalg.norm(vector)
+
+
+@pytest.mark.parametrize("on_planes", [False, True])
+def test_pieces_are_what_the_cube_holds_of_each_edge(rng, on_planes):
+    """Also of edges in the plane of a face, along the sides of the cube, through its corners and parallel to axes."""
+    ends = rng.choice([-0.75, -0.5, 0.0, 0.25, 0.5, 0.75], (4000, 3)) if on_planes else rng.uniform(-1, 1, (4000, 3))
+    edges = np.arange(4000).reshape(-1, 2)
+    edges = edges[(ends[edges[:, 0]] != ends[edges[:, 1]]).any(axis=1)]
+    expected = np.array([length_inside(ends[first], ends[second]) for first, second in edges])
+    crossing, start, vector, enter, leave = generation._pieces(ends, edges)
+    lengths = np.zeros(len(edges))
+    lengths[crossing] = (leave - enter) * np.linalg.norm(vector, axis=1)
+    np.testing.assert_allclose(lengths, expected, atol=1e-12)
+    np.testing.assert_array_equal(crossing, np.flatnonzero(expected > 1e-9))
+    np.testing.assert_array_equal(start, ends[edges[crossing, 0]])
+    np.testing.assert_allclose(start + vector, ends[edges[crossing, 1]], atol=1e-15)
+    assert generation._clipped_length(ends, edges) == pytest.approx(expected.sum(), rel=1e-12)
 
 
 def test_a_network_is_a_function_of_seed_and_number():
