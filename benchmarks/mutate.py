@@ -120,6 +120,13 @@ MUTATIONS = [
         "test_generation.py",
     ),
     Mutation(
+        "margin around the cube's oblique preimage",
+        "networks/generation.py",
+        "<= half_cube + MARGIN * np.linalg.norm",
+        "<= half_cube - MARGIN * np.linalg.norm",
+        "test_generation.py",
+    ),
+    Mutation(
         "the two nodes of an edge in one number",
         "networks/generation.py",
         "* len(cloud) + np.maximum(first, second)",

@@ -128,10 +128,35 @@ def test_fibers_inside_are_delaunay_edges_of_their_own_preimage(full):
     assert len(middle) == len(ends)
 
 
+# The box around the preimage that it gives the cube holds two thirds more points than are needed.
+OBLIQUE = stretch_tensor_for(np.array([[0.4, 0.2, 0.1], [0.2, 0.35, 0.1], [0.1, 0.1, 0.25]]))
+
+
+def sides_of_tetrahedra(cloud):
+    """The sorted pairs of nodes that share a Delaunay tetrahedron, shape (edges, 2)."""
+    corners = np.sort(Delaunay(cloud).simplices, axis=1)
+    return np.array(sorted({pair for row in corners.tolist() for pair in combinations(row, 2)}))
+
+
 def test_edges_are_the_sides_of_the_tetrahedra_each_once_and_in_order():
-    cloud, edges = generation._triangulated(np.diag([0.6, 1.0, 1.7]), 3.0, np.random.default_rng(8))
-    sides = {pair for corners in Delaunay(cloud).simplices.tolist() for pair in combinations(sorted(corners), 2)}
-    assert edges.tolist() == [list(pair) for pair in sorted(sides)]
+    cloud, edges = generation._triangulated(OBLIQUE, 3.0, np.random.default_rng(8))
+    np.testing.assert_array_equal(edges, sides_of_tetrahedra(cloud))
+
+
+@pytest.mark.parametrize("stretch", [np.eye(3), np.diag([0.6, 1.0, 1 / 0.6]), OBLIQUE])
+def test_the_cube_holds_the_edges_of_a_cloud_that_goes_on(stretch, rng):
+    cloud, edges = generation._triangulated(stretch, 5.0, np.random.default_rng(8))
+    box = np.abs(cloud).max(axis=0) + 3.0
+    around = rng.uniform(-box, box, (int(8.0 * box.prod()), 3))
+    further = np.concatenate([cloud, around[Delaunay(cloud).find_simplex(around) < 0]])
+    wider = sides_of_tetrahedra(further)
+    # Also in a cube a tenth wider: sizing it may well end there.
+    inside, inside_wider = (
+        pairs[generation._pieces(points @ stretch / 5.5, pairs)[0]]
+        for points, pairs in ((cloud, edges), (further, wider))
+    )
+    assert len(inside) > 1_000
+    np.testing.assert_array_equal(inside, inside_wider)
 
 
 def length_inside(start, end):

@@ -132,7 +132,7 @@ def delaunay_network(target: Array, total_length: float, seed: int, tolerance: f
             "raise the volume fraction or the edge length, or thin the fibers"
         )
     stretch = stretch_tensor_for(target)
-    cloud, edges = _triangulated(np.asarray(np.linalg.inv(stretch), dtype=float), cube, np.random.default_rng(seed))
+    cloud, edges = _triangulated(stretch, cube, np.random.default_rng(seed))
     asked, best, best_error = target, None, np.inf
     for _ in range(20):
         try:
@@ -154,13 +154,14 @@ def delaunay_network(target: Array, total_length: float, seed: int, tolerance: f
     )
 
 
-def _triangulated(
-    inverse_stretch: Array, cube: float, generator: np.random.Generator
-) -> tuple[Array, NDArray[np.int64]]:
+def _triangulated(stretch: Array, cube: float, generator: np.random.Generator) -> tuple[Array, NDArray[np.int64]]:
     """Points of unit density around the cube's preimage, and the edges of their Delaunay tetrahedra."""
-    corners = 0.5 * 1.15 * cube * np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, -1).T
-    half = np.abs(corners @ inverse_stretch).max(axis=0) + MARGIN
+    half_cube = 0.5 * 1.15 * cube
+    corners = half_cube * np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, -1).T
+    half = np.abs(corners @ np.linalg.inv(stretch)).max(axis=0) + MARGIN
     cloud = generator.uniform(-half, half, size=(int(np.ceil(8.0 * half.prod())), 3))
+    # Where the stretch is oblique, much of that box is farther than the margin from the planes of the preimage's faces.
+    cloud = cloud[(np.abs(cloud @ stretch) <= half_cube + MARGIN * np.linalg.norm(stretch, axis=0)).all(axis=1)]
     corner = Delaunay(cloud).simplices.astype(np.int64)
     first, second = corner[:, [0, 0, 0, 1, 1, 2]], corner[:, [1, 2, 3, 2, 3, 3]]
     # A pair as one number: whole numbers sort far faster than rows.
