@@ -211,7 +211,7 @@ def test_table_2_sums_up_what_the_processes_counted(tmp_path):
             }
         )
         dataset.attrs["versions"] = '{"python": "3"}'
-        dataset.to_netcdf(tmp_path / name, engine="h5netcdf")
+        dataset.to_netcdf(tmp_path / name, engine="netcdf4")
         return tmp_path / name
 
     parts = json.dumps({"assembly": 1000.0, "factorisation": 500.0})

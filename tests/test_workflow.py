@@ -45,7 +45,7 @@ def _as_glob(place: str) -> str:
 def test_the_run_ends_with_the_convergence_of_its_states(quick):
     folder, said = quick
     table = pd.read_csv(folder / "results/tables/convergence.csv")
-    curves = [xr.load_dataset(path, engine="h5netcdf") for path in (folder / "results/curves").rglob("*.nc")]
+    curves = [xr.load_dataset(path, engine="netcdf4") for path in (folder / "results/curves").rglob("*.nc")]
     assert len(table) == sum(int((~one["converged"]).sum()) for one in curves)
     assert said.count("not converged: ") == len(table)
     assert ("every state of" in said) == table.empty
@@ -110,8 +110,8 @@ def test_networks_and_curves_do_not_depend_on_batches_or_jobs(quick, tmp_path):
     done = snakemake(tmp_path, "-j1", *wanted, configs=(QUICK, written(tmp_path, SMALL)))
     assert done.returncode == 0, done.stderr
     for path in [*wanted, *(path.replace("curves", "networks").replace("/small", "") for path in wanted)]:
-        here = xr.load_dataset(tmp_path / path, engine="h5netcdf")
-        there = xr.load_dataset((quick[0] / path).with_name("00.nc"), engine="h5netcdf")
+        here = xr.load_dataset(tmp_path / path, engine="netcdf4")
+        there = xr.load_dataset((quick[0] / path).with_name("00.nc"), engine="netcdf4")
         assert here.sizes["network"] >= 4
         assert same_bits(here, there), path
 

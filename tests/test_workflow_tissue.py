@@ -44,7 +44,7 @@ def test_a_tissue_of_ones_own_runs_from_five_lines(tmp_path, monkeypatch):
     wanted = ["results/tissue/hgo.nc", "results/tissue/hgo.feb"]
     done = snakemake(tmp_path, "-j2", *wanted, configs=(QUICK, own))
     assert done.returncode == 0, done.stderr
-    tissue = xr.load_dataset(tmp_path / wanted[0], engine="h5netcdf")
+    tissue = xr.load_dataset(tmp_path / wanted[0], engine="netcdf4")
     assert tissue.attrs["origin"] == "mesh of mesh.vtu"
     assert tissue["converged"].all()
     moved = tissue["displacement"].values[-1, :, 0]
@@ -80,6 +80,6 @@ def test_a_motion_too_large_keeps_what_converged(tmp_path):
     assert len(lines) == 1
     assert "results/tissue/matrix.failed.nc" in lines[0]
     assert "Traceback" not in done.stderr
-    kept = xr.load_dataset(tmp_path / "results/tissue/matrix.failed.nc", engine="h5netcdf")
+    kept = xr.load_dataset(tmp_path / "results/tissue/matrix.failed.nc", engine="netcdf4")
     assert not kept["converged"].values[-1]
     assert not (tmp_path / "results/tissue/matrix.nc").exists()

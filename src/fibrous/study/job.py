@@ -29,6 +29,8 @@ def main(arguments: list[str] | None = None) -> int:
     end_with_run()
     # Batches are the unit of parallel work: more threads than one a job would only fight for the same cores.
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
+    # A job writes files that nobody else knows and asks for a lock itself where it reads; some file systems have none.
+    os.environ["HDF5_USE_FILE_LOCKING"] = "FALSE"
     parser = argparse.ArgumentParser(prog="python -m fibrous.study.job", description=__doc__.splitlines()[0])
     parser.add_argument("--params", required=True, type=json.loads, help="stage, config and code hash, as JSON")
     parser.add_argument("--input", nargs="+", action="append", default=[], metavar=("NAME", "FILE"))
