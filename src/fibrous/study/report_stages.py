@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import subprocess
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
+
+import yaml
 
 from fibrous.report.outline import TARGETS, exhibits
 from fibrous.report.tables import VIEWS
 from fibrous.study import plan
-from fibrous.study.configuration import TEMPLATES, caption
+from fibrous.study.configuration import PROJECT, TEMPLATES, caption, loaded
 from fibrous.study.network_stages import SPECIMEN, contents, curves_of, figure, once
 from fibrous.study.plan import FIGURE_NETWORK, FIGURE_PROTOCOLS, REFIT, Config, Stage
 from fibrous.study.tissue_stages import TISSUE, networks_of_elements
 
+# Of the checkout; any other commit would make the report again and change nothing in it.
+SOURCES = ("Snakefile", "config", "src", "workflow")
 COSTS, TARGET_COSTS = "results/tables/stages.csv", "results/tables/targets.csv"
 # Targets that gather the files of several stages, or of one with another name; any other is the stage of its name.
 GATHERING = {
@@ -186,10 +192,47 @@ def _templates() -> list[str]:
 
 
 def _report_config(stages: Mapping[str, Stage], config: Config) -> dict[str, Any]:
-    on_demand = {"microstructure", "sensitivity"}  # says nothing of what the report tells
+    default, on_demand = loaded(), {"microstructure", "sensitivity"}  # says nothing of what the report tells
+    study = {key: value for key, value in config.items() if key not in on_demand}
     return {
         "figures": [{"stage": name, "caption": caption(name)} for name in _figures(stages, config)],
         "tables": _tables(stages, config),
         "templates": _templates(),
-        "study": {key: value for key, value in config.items() if key not in on_demand},
+        "other_than_default": [key for key in default if key in study and study[key] != default[key]],
+        "seed": config["seed"],
+        "commit": commit(PROJECT),
+        # As text, since JSON with sorted keys would lose the order of a mapping.
+        "study": yaml.safe_dump(in_order_of(default, study), sort_keys=False, allow_unicode=True, width=110),
     }
+
+
+def in_order_of(default: Any, value: Any) -> Any:
+    """A config with its keys in the order of the default one's; those that it lacks come last.
+
+    >>> in_order_of({"b": 1, "a": {"d": 1, "c": 1}}, {"a": {"c": 2, "d": 3}, "b": 4, "e": 5})
+    {'b': 4, 'a': {'d': 3, 'c': 2}, 'e': 5}
+    """
+    if isinstance(value, dict) and isinstance(default, dict):
+        keys = [key for key in default if key in value] + [key for key in value if key not in default]
+        return {key: in_order_of(default.get(key), value[key]) for key in keys}
+    if isinstance(value, list) and isinstance(default, list) and default:
+        return [in_order_of(default[0], one) for one in value]
+    return value
+
+
+def commit(checkout: Path) -> str:
+    """The last commit of `checkout` that touched what results are made of, and whether that has changed since.
+
+    Says so where it is no git checkout, as in an archive of the sources.
+    """
+    try:
+        found = _git(checkout, "log", "-1", "--format=%H", "--", *SOURCES)
+        changed = _git(checkout, "status", "--porcelain", "-uno", "--", *SOURCES)
+    except (OSError, subprocess.CalledProcessError):
+        found, changed = "", ""
+    return (found or "not a git checkout") + (" with changes since" if changed else "")
+
+
+def _git(checkout: Path, *words: str) -> str:
+    done = subprocess.run(["git", "-C", str(checkout), *words], capture_output=True, text=True, check=True)
+    return done.stdout.strip()
