@@ -25,7 +25,8 @@ from fibrous.report.readme import duration, filled
 from fibrous.report.tables import VIEWS, View, shown
 from fibrous.study import report, stage_costs
 from fibrous.study.configuration import CAPTIONS, PROJECT, caption, loaded, statements
-from fibrous.study.report_stages import GATHERING, commit, flow, jobs
+from fibrous.study.jobs import jobs
+from fibrous.study.report_stages import GATHERING, commit, flow
 from fibrous.study.stages import STAGES, stage_params
 
 LINKING = {"src", "href", "srcset", "action", "data", "poster", "xlink:href"}

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from fibrous.report.outline import TARGETS, exhibits
 from fibrous.report.tables import VIEWS
 from fibrous.study import plan
 from fibrous.study.configuration import PROJECT, TEMPLATES, caption, loaded
+from fibrous.study.jobs import jobs
 from fibrous.study.network_stages import SPECIMEN, contents, curves_of, figure, once
 from fibrous.study.plan import FIGURE_NETWORK, FIGURE_PROTOCOLS, REFIT, Config, Stage
 from fibrous.study.tissue_stages import TISSUE, networks_of_elements
@@ -28,20 +28,6 @@ GATHERING = {
     "table_1": ("surface",),
     "tissue": ("specimen", "tissue", "lagged", "multiscale", "febio", "tissue_table", "convergence"),
 }
-
-
-@dataclass(frozen=True)
-class Job:
-    """One job of the study: its stage, the files that it writes and reads, and the one that says what it cost."""
-
-    stage: str
-    outputs: tuple[str, ...]
-    inputs: tuple[str, ...]
-
-    @property
-    def accounted(self) -> str:
-        """Pictures do not say what they cost: equal inputs give equal bytes."""
-        return next(path for path in self.outputs if not path.endswith((".png", ".svg")))
 
 
 def report_stages(stages: Mapping[str, Stage]) -> dict[str, Stage]:
@@ -100,21 +86,12 @@ def report_stages(stages: Mapping[str, Stage]) -> dict[str, Stage]:
     }
 
 
-def jobs(stages: Mapping[str, Stage], config: Config) -> Iterator[Job]:
-    """Every job of these stages but those on demand."""
-    for name, stage in stages.items():
-        for wildcards in stage.instances(config) if not stage.on_demand else []:
-            outputs = (pattern.format_map(wildcards) for pattern in stage.outputs.values())
-            inputs = (path for paths in stage.inputs(config, wildcards).values() for path in paths)
-            yield Job(name, tuple(outputs), tuple(inputs))
-
-
 def flow(stages: Mapping[str, Stage], config: Config) -> list[dict[str, Any]]:
     """Stages that write data: `stage`, the stages that it `reads`, its number of `jobs`, and the figures `drawn` of it.
 
     A stage reads itself where one of its jobs reads what another one writes.
     """
-    every = list(jobs(stages, config))
+    every = jobs(stages, config)
     producer = {path: job.stage for job in every for path in job.outputs}
     reads: dict[str, set[str]] = {}
     for job in every:
@@ -138,7 +115,7 @@ def target_stages(target: str) -> tuple[str, ...]:
 
 def _costs_config(stages: Mapping[str, Stage], config: Config) -> dict[str, Any]:
     """Per job its stage and the numbers of the jobs whose files it reads, and per target its stages."""
-    every = list(jobs(stages, config))
+    every = jobs(stages, config)
     number = {path: i for i, job in enumerate(every) for path in job.outputs}
     there = {job.stage for job in every}
     targets = {target: [name for name in target_stages(target) if name in there] for target in TARGETS}
@@ -170,7 +147,8 @@ def _figure_4_inputs(config: Config) -> dict[str, list[str]]:
 
 def _figures(stages: Mapping[str, Stage], config: Config) -> list[str]:
     """Stages of the figures of the report, in its order."""
-    return [one.stage for one in exhibits() if one.stage in stages and stages[one.stage].instances(config)]
+    drawn = {job.stage for job in jobs(stages, config)}
+    return [one.stage for one in exhibits() if one.stage in drawn]
 
 
 def _tables(stages: Mapping[str, Stage], config: Config) -> list[str]:

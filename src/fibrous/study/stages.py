@@ -12,6 +12,7 @@ from typing import Any
 
 from fibrous.provenance import code_hash, config_hash
 from fibrous.study import plan
+from fibrous.study.jobs import jobs, possible_jobs
 from fibrous.study.multiscale_stages import MULTISCALE_STAGES
 from fibrous.study.network_stages import NETWORK_STAGES
 from fibrous.study.plan import Config, Stage, Wildcards
@@ -22,11 +23,10 @@ from fibrous.study.tissue_stages import TISSUE_STAGES
 # What a part of the config says of the tissue that the files come from: a synthetic one is called so everywhere.
 SPECIMEN = "specimen"
 
+CURVES = ("curves", "refit_curves")
+COMPUTING: dict[str, Stage] = {**NETWORK_STAGES, **TISSUE_STAGES, **MULTISCALE_STAGES, **SENSITIVITY_STAGES}
 STAGES: dict[str, Stage] = {
-    **NETWORK_STAGES,
-    **TISSUE_STAGES,
-    **MULTISCALE_STAGES,
-    **SENSITIVITY_STAGES,
+    **COMPUTING,
     # Every state of every curve, those along the deformations of the tissue included.
     "convergence": Stage(
         module="fibrous.study.convergence",
@@ -95,17 +95,14 @@ def stage_params(stage: str, config: Config, wildcards: Wildcards) -> dict[str, 
     return Params(config).of(stage, wildcards)
 
 
-def expected_files(config: Config) -> Iterator[tuple[str, str, dict[str, str]]]:
+def expected_files(config: Config) -> Iterator[tuple[str, str, Wildcards]]:
     """Every file of the whole study with the stage that writes it and that stage's wildcards."""
-    return (one for one in possible_files(config) if not STAGES[one[1]].on_demand)
+    return ((path, job.stage, job.wildcards) for job in jobs(STAGES, config) for path in job.outputs)
 
 
-def possible_files(config: Config) -> Iterator[tuple[str, str, dict[str, str]]]:
+def possible_files(config: Config) -> Iterator[tuple[str, str, Wildcards]]:
     """The same with the files that are made on demand."""
-    for name, stage in STAGES.items():
-        for wildcards in stage.instances(config):
-            for pattern in stage.outputs.values():
-                yield pattern.format_map(wildcards), name, wildcards
+    return ((path, job.stage, job.wildcards) for job in possible_jobs(STAGES, config) for path in job.outputs)
 
 
 def files(stage: str, output: str, config: Config, **wanted: str) -> list[str]:
@@ -119,11 +116,11 @@ def files(stage: str, output: str, config: Config, **wanted: str) -> list[str]:
 
 
 def files_of_target(target: str, config: Config) -> list[str]:
-    """Every file that the target of a rule makes."""
+    """Every file of the whole study that the target of a rule makes."""
     wanted = target_stages(target)
-    return [path for path, stage, _ in possible_files(config) if stage in wanted]
+    return [path for path, stage, _ in expected_files(config) if stage in wanted]
 
 
 def all_curves(config: Config) -> list[str]:
     """Files of all curves of the study."""
-    return files("curves", "curves", config) + files("refit_curves", "curves", config)
+    return [path for job in jobs(COMPUTING, config) if job.stage in CURVES for path in job.outputs]
