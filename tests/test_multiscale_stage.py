@@ -4,7 +4,6 @@ import json
 import pickle
 import signal
 import subprocess
-import sys
 import time
 
 import numpy as np
@@ -13,6 +12,7 @@ import pytest
 import xarray as xr
 from reference import respond
 from small_study import NETWORK_FILES, SPECIMEN_FILE, small_specimen
+from workflow_runs import job_line
 
 from fibrous import datasets, provenance
 from fibrous.errors import ConfigError, ConvergenceError
@@ -24,7 +24,7 @@ from fibrous.networks.fiber_law import ExponentialFiber
 from fibrous.networks.guard import EquilibriumSolver
 from fibrous.study import table_2
 from fibrous.study.checkpoint import Checkpoint
-from fibrous.study.stages import STAGES, stage_params
+from fibrous.study.stages import Params, stage_params
 
 SCALE = 10.0 * np.pi * 0.1**2 / 8.0**2  # k π R²/χ²
 
@@ -93,14 +93,8 @@ def test_load_steps_that_do_not_divide_the_specimens_are_refused(coupled):
 
 def job(study, *options: str) -> list[str]:
     """The command of the rule."""
-    wildcards, stage = {"run": "multiscale"}, STAGES["multiscale"]
-    line = [sys.executable, "-m", "fibrous.study.job", *options]
-    line += ["--params", json.dumps(stage_params("multiscale", study.config, wildcards))]
-    for name, paths in stage.inputs(study.config, wildcards).items():
-        line += ["--input", name, *paths]
-    for name, path in stage.outputs.items():
-        line += ["--output", name, path.format_map(wildcards)]
-    return line
+    content = Params(study.config).with_files("multiscale", {"run": "multiscale"})
+    return job_line(study.folder, content, *options)
 
 
 def test_a_killed_run_goes_on_to_the_same_bits_with_other_threads(coupled, other):
