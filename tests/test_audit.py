@@ -246,6 +246,15 @@ def test_the_percentages_of_figure_3_are_the_cubes():
     assert f"{50 * (0.69 * 1.8**2 + 0.31 / 1.8 - 1):.0f} %;" in found.why
 
 
+def test_the_percentages_of_figure_3_are_the_cubes_under_a_load_with_its_own_gradient():
+    """A line along x becomes as long as the first column of F."""
+    made = curves()
+    gradient = made.deformation_gradient.copy()
+    gradient[:, 0, -1] = [[1.2, 0.0, 0.0], [0.5, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    own = replace(made, loads=("mine", *LOADS[1:]), deformation_gradient=gradient)
+    assert of_curves.rows_of_figure_3(own, made).here.startswith("Green strain 34 % along x")
+
+
 def test_constants_of_one_law_are_found_up_to_any_stretch():
     made = curves()
     for stretch in (np.inf, 1.3):
@@ -282,3 +291,13 @@ def test_families(small, large, trusted, denied):
 def test_the_range_of_strain_decides_between_the_sections():
     found = families.families(group_fits({"xy_biaxial": 9.0, "xy_shear": 9.0}, {}), True, THRESHOLDS)
     assert found.why.endswith("nearer to the truth is section 4.1 at 112 % and section 3.1 at 10 %.")
+
+
+def test_a_load_with_its_own_gradient_belongs_to_no_family():
+    """It counts among all loads, and leaves the families of the others as they are."""
+    own = replace(curves(), loads=("mine", *LOADS[1:]))
+    sets = {name: ("mine", *loads[1:]) for name, loads in SETS.items()}
+    found = families.group_fits({"10 %": own}, ["case"], sets, 50.0)
+    usual = families.group_fits({"10 %": curves()}, ["case"], SETS, 50.0)
+    assert [one.loads for one in found if not one.pooled] == [one.loads for one in usual if not one.pooled]
+    assert [one.loads for one in found if one.pooled] == list(sets.values())

@@ -43,13 +43,30 @@ class Load:
 
         Raises LoadError for any other name.
         """
+        load = cls._called(name)
+        if load is None:
+            raise LoadError(
+                f"load '{name}' is unknown: write x_uniaxial, xy_biaxial or xy_shear, with the axes you need"
+            )
+        return load
+
+    @classmethod
+    def kind_of(cls, name: str) -> Kind | None:
+        """Kind of the load of that name; None of any other name, whose load comes with its deformation gradient.
+
+        >>> Load.kind_of("yz_shear"), Load.kind_of("eq9")
+        ('shear', None)
+        """
+        load = cls._called(name)
+        return None if load is None else load.kind
+
+    @classmethod
+    def _called(cls, name: str) -> Load | None:
         letters, _, kind = name.partition("_")
         wanted = {"uniaxial": 1, "biaxial": 2, "shear": 2}.get(kind)
         axes = tuple("xyz".find(letter) for letter in letters)
         if wanted is None or len(axes) != wanted or -1 in axes or len(set(axes)) != len(axes):
-            raise LoadError(
-                f"load '{name}' is unknown: write x_uniaxial, xy_biaxial or xy_shear, with the axes you need"
-            )
+            return None
         return cls(cast(Kind, kind), axes)
 
     @property

@@ -21,10 +21,11 @@ from fibrous.study.plan import (
     SURVEY_NETWORKS,
     Config,
 )
-from fibrous.study.variants import FACTORS, FITTED_PROTOCOL, Variant, varied
+from fibrous.study.variants import FITTED_PROTOCOL, Variant, factors, varied
 
 SURFACE_TERMS = 9
 RESERVED = ("specimen", "table", "comparison")  # names of files beside those of the runs
+CLAIMED_LOADS = {"x_uniaxial", "xy_biaxial", "xz_biaxial"}  # by which the statements about network 3 are judged
 LARGEST_BATCH = 5000  # its numbers travel on the command line of a job
 LARGEST_EXPONENT = 350.0  # exp of it, and the square of that, are finite in double precision
 # A Delaunay network needs some ten nodes in the cube before its alignment means anything.
@@ -169,6 +170,8 @@ def _wanted_protocols(config: Config) -> Iterator[str]:
     for entry in config["protocols"]:
         if entry["name"] == CASE_PATH and CASE_PATH not in plan.loads(entry):
             yield f"protocols: {CASE_PATH} lacks a load of that name, with Eq. 9's deformation_gradient"
+        if entry["name"] == CASE_PATH and (others := sorted(plan.loads(entry) - {CASE_PATH})):
+            yield f"protocols: {CASE_PATH} has {others[0]}, must have the load of that name alone: Figure 8 draws one"
 
 
 def _load(config: Config, entry: Config, path: str, first: bool, followed: bool) -> Iterator[str]:
@@ -176,6 +179,8 @@ def _load(config: Config, entry: Config, path: str, first: bool, followed: bool)
     gradient, said = None, f"{path}.deformation_gradient"
     if "deformation_gradient" in entry:
         gradient = np.array(entry["deformation_gradient"])
+        if Load.kind_of(entry["load"]) is not None:
+            yield f"{path}.load is {entry['load']}, whose deformation gradient is known: give yours another name"
         if "magnitude" in entry:
             yield f"{path} has a magnitude and a deformation_gradient, must have one of them"
         if not np.linalg.det(gradient) > 0:
@@ -338,7 +343,7 @@ def _claims(config: Config) -> Iterator[str]:
     """Loads without which statements about network 3 cannot be judged."""
     large = FIGURE_PROTOCOLS[0]
     for entry in config["protocols"]:
-        for load in sorted({"xy_biaxial", "xz_biaxial"} - plan.loads(entry)) if entry["name"] == large else ():
+        for load in sorted(CLAIMED_LOADS - plan.loads(entry)) if entry["name"] == large else ():
             yield f"protocols: {large} lacks {load}, which the claims need"
 
 
@@ -350,12 +355,10 @@ def _sensitivity(config: Config) -> Iterator[str]:
             yield f"sensitivity.networks[{i}] is {name}, must be one of {', '.join(names)}"
         if name in part["networks"][:i]:
             yield f"sensitivity.networks[{i}] is {name}, which the list has already"
-    protocol = next((entry for entry in config["protocols"] if entry["name"] == FITTED_PROTOCOL), None)
-    if protocol is None or "magnitude" not in protocol["loads"][0]:
-        yield f"protocols: {FITTED_PROTOCOL} lacks a first load with a magnitude, which sensitivity.amplitude varies"
+    if FITTED_PROTOCOL not in plan.protocols(config):
         return
     known = {*_cube(config), *_loads(config)}
-    for factor in FACTORS:
+    for factor in factors(config):
         variants = [Variant(factor, value) for value in part[factor]]
         for i, variant in enumerate(variants):
             path = f"sensitivity.{factor}[{i}] is {variant.value:g}"

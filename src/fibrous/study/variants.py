@@ -32,13 +32,19 @@ class Variant:
         return BASE if self.value is None else f"{self.factor}_{self.value:.6g}"
 
 
+def factors(config: Config) -> dict[str, str]:
+    """The factors that are varied, with their unit: no amplitude where the first load has a gradient of its own."""
+    first = plan.protocol(config, FITTED_PROTOCOL)["loads"][0]
+    return {factor: unit for factor, unit in FACTORS.items() if factor != "amplitude" or "magnitude" in first}
+
+
 def variants(config: Config) -> list[Variant]:
     """The base, then every value of every factor that is not the study's own; none of a user's networks."""
     if config["network"] == "file":
         return []
     others = [
         Variant(factor, value)
-        for factor in FACTORS
+        for factor in factors(config)
         for value in config["sensitivity"][factor]
         if value != own_value(config, factor)
     ]
