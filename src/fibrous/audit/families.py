@@ -78,7 +78,8 @@ def families(found: Sequence[GroupFit], trusted: bool, thresholds: Thresholds) -
         {cell: [one for one in found if (one.strain, one.load_set) == cell and one.pooled == whole] for cell in cells}
         for whole in (False, True)
     )
-    fitting = [_share(group, thresholds) for group in within.values()]
+    # A load set may have no two loads of a kind.
+    fitting = [_share(group, thresholds) for group in within.values() if group]
     true = (
         fitting if trusted else [1.0 - one for one in (*fitting, *(_share(one, thresholds) for one in pooled.values()))]
     )
