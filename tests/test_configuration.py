@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 from fibrous.errors import ConfigError
+from fibrous.study import plan
 from fibrous.study.configuration import DEFAULT, SCHEMA, _merge, loaded, validated
 from fibrous.study.variants import variants
 
@@ -334,6 +335,12 @@ CONTRADICTIONS = [
     ({"principal_stretch_limit": 1.5}, "protocols[0].loads[0].magnitude is 1.8, a principal stretch of 1.8, must stay"),
     (protocols(xy_shear=4.0), "protocols[1].loads[3].magnitude is 4, a principal stretch of 4.236, must stay"),
     (protocols(x_uniaxial=0.9), "protocols[1].loads[0].magnitude is 0.9, which gives a network of H = (0.8, 0.05"),
+    (
+        edited(
+            "protocols", 1, loads=[{"load": "squeeze", "deformation_gradient": [[0.9, 0, 0], [0, 1, 0], [0, 0, 1]]}]
+        ),
+        "protocols[1].loads[0].deformation_gradient is given, which gives a network of H = ",
+    ),
     # Where H11 < 1/3, a stretch along x makes the fibers shorter on average.
     (
         protocols(x_uniaxial=1.005) | {"delaunay": {"H11": [0.2, 0.8]}},
@@ -389,6 +396,22 @@ def test_a_load_with_its_own_gradient_has_any_place_in_the_protocols_of_the_figu
     assert validated(config)["protocols"][protocol]["loads"][place]["load"] == "pull"
     factors = {variant.factor for variant in variants(config)}
     assert ("amplitude" in factors) == ((protocol, place) != (0, 0))  # without a magnitude there is none to vary
+
+
+@pytest.mark.parametrize(
+    ("key", "question"),
+    [
+        ("network", plan.own_networks),
+        ("specimen", plan.own_specimen),
+        ("update", plan.has_lagged_constants),
+    ],
+)
+def test_a_third_way_is_not_taken_for_one_of_the_two(key, question):
+    config = loaded()
+    assert question(config) is False
+    (config["tissue"] if key == "update" else config)[key] = "voronoi"
+    with pytest.raises(ConfigError, match=f"{key} is 'voronoi', must be "):
+        question(config)
 
 
 def test_the_default_and_the_quick_config_are_accepted():

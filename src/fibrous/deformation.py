@@ -77,7 +77,7 @@ class Load:
     @property
     def rest(self) -> float:
         """Magnitude at which F is the identity."""
-        return 0.0 if self.kind == "shear" else 1.0
+        return {"uniaxial": 1.0, "biaxial": 1.0, "shear": 0.0}[self.kind]
 
     def deformation_gradient(self, magnitude: ArrayLike) -> Array:
         """F, shape (..., 3, 3), for magnitudes of shape (...)."""
@@ -88,7 +88,7 @@ class Load:
             diagonal[...] = 1.0
             gradient[..., self.axes[1], self.axes[0]] = magnitude
             return gradient
-        transverse = -0.5 if self.kind == "uniaxial" else -2.0
+        transverse = {"uniaxial": -0.5, "biaxial": -2.0}[self.kind]
         diagonal[...] = (magnitude**transverse)[..., None]
         for axis in self.axes:
             diagonal[..., axis] = magnitude

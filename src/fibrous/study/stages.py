@@ -72,7 +72,7 @@ def _params(
         own[SPECIMEN] = specimen
     if upstream:
         own["upstream"] = config_hash({"inputs": sorted(upstream)})
-        if config["network"] != "file":
+        if not plan.own_networks(config):
             own["seed"] = config["seed"]  # of the networks that the files come from
     return {"stage": module, "config": own, "code_hash": code_hash(module)}
 
