@@ -1,5 +1,4 @@
-"""Verdicts follow the data: the three-fibre example and curves of networks, made up to make a statement true or "
-"false."""
+"""Verdicts follow the data: the three-fibre example and curves of networks, made up to make a statement true or not."""
 
 from dataclasses import replace
 

@@ -145,8 +145,7 @@ def initial_fit(found: Found, tension_only: bool, thresholds: Thresholds) -> Fin
 
 
 def refit(found: Found, tension_only: bool, thresholds: Thresholds) -> Finding:
-    """Section 3.3: the refit largely corrects the shape of the curve; after it, the errors of σ_xx and of the "
-    "tensor."""
+    """Section 3.3: the refit largely corrects the shape of the curve; after it, those of σ_xx and of the tensor."""
     parts, said, shapes, spreads = [], [], [], []
     corrected: list[str] = []
     left: list[str] = []

@@ -1,4 +1,4 @@
-"""Rule `tissue`: one finite element run of the specimen, with a law of the fibres and constants of each element."""
+"""Rule `deform_tissue`: one finite element run of the specimen, with a law of the fibres and its constants."""
 
 from __future__ import annotations
 
