@@ -20,13 +20,13 @@ include: "workflow/rules/networks.smk"
 include: "workflow/rules/surrogates.smk"
 
 
-if config["network"] != "file":
+if not plan.own_networks(config):
 
     include: "workflow/rules/tissue.smk"
     include: "workflow/rules/multiscale.smk"
     include: "workflow/rules/sensitivity.smk"
 
-    if config["tissue"]["update"] == "lagged":
+    if plan.has_lagged_constants(config):
 
         include: "workflow/rules/lagged.smk"
     include: "workflow/rules/figures.smk"

@@ -86,8 +86,7 @@ def constants(C2: np.ndarray, C3: np.ndarray, r_squared: float | np.ndarray = 0.
 
 
 def fits(C2: np.ndarray, C3: np.ndarray, ends: tuple[float, float, float, float] | None = None) -> dict[str, Fits]:
-    """The same of every load set; networks 1 and 5, two of each, are the ends of the ensemble unless C2, C3 are "
-    "given."""
+    """The same of every load set; networks 1 and 5, two of each, are the ends of the ensemble unless they are given."""
     first_C2, first_C3, fifth_C2, fifth_C3 = ends or (C2[0], C3[0], C2[-1], C3[-1])
     pair = [
         constants(np.full(2, one), np.full(2, other)) for one, other in ((first_C2, first_C3), (fifth_C2, fifth_C3))

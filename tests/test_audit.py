@@ -1,5 +1,4 @@
-"""Verdicts follow the data: the three-fibre example and curves of networks, made up to make a statement true or "
-"false."""
+"""Verdicts follow the data: the three-fibre example and curves of networks, made up to make a statement true or not."""
 
 from dataclasses import replace
 
@@ -25,6 +24,7 @@ from made_up_evidence import (
 
 from fibrous.audit import curves as of_curves
 from fibrous.audit import example, families, scatter
+from fibrous.audit.evidence import Curves
 from fibrous.audit.finding import number, rank_correlation
 from fibrous.audit.refits import constants_up_to
 from fibrous.audit.statements import CHECKS
@@ -232,6 +232,29 @@ def test_stiffer_across(biaxial, uniaxial, verdict):
     assert verdict_of(of_curves.stiffer_across(made, THRESHOLDS)) is verdict
 
 
+def shortened(made: Curves) -> Curves:
+    """The same with a load of another kind behind the others, under which the mean fibre gets shorter."""
+    arrays = {name: np.concatenate([value, value[:, :1]], axis=1) for name, value in loaded_arrays(made).items()}
+    arrays["averaged_stretch"][:, -1] = np.linspace(1.0, 0.9, made.averaged_stretch.shape[2])
+    return replace(made, loads=(*made.loads, "squeeze"), **arrays)
+
+
+def loaded_arrays(made: Curves) -> dict[str, np.ndarray]:
+    return {name: value for name, value in vars(made).items() if name not in ("names", "loads", "structure_tensor")}
+
+
+def test_a_load_that_shortens_the_mean_fibre_is_compared_with_no_other():
+    """There is no λ_f above 1 at which it has an energy; what is said of the others stays."""
+    small, large = curves({"xy_shear": 3.0}, 1.1), curves({"xy_shear": 1.5})
+    sets = {name: (*loads, "squeeze") for name, loads in SETS.items()}
+    of_others = of_curves.convergence_of_curves(small, large, SETS, THRESHOLDS)
+    assert of_curves.convergence_of_curves(shortened(small), shortened(large), sets, THRESHOLDS) == of_others
+    assert of_curves.stiffer_across(shortened(large), THRESHOLDS) == of_curves.stiffer_across(large, THRESHOLDS)
+    every = ensemble((1.0, 1.0), (1.0, 3.0))
+    found = scatter.dissimilarity(shortened(every), sets, THRESHOLDS)
+    assert found == scatter.dissimilarity(every, SETS, THRESHOLDS)
+
+
 @pytest.mark.parametrize(("iterations", "verdict"), [(6, REPRODUCED), (3, PARTLY), (11, NOT)])
 def test_newton_iterations(iterations, verdict):
     statement = STATEMENTS["newton-iterations"]
@@ -244,6 +267,15 @@ def test_the_percentages_of_figure_3_are_the_cubes():
     # ½(1.2 − 1) and ½(1.8² − 1); ½(λ_f² − 1) with λ_f² = 0.69 · 1.8² + 0.31/1.8.
     assert "10 % and 112 %" in found.why
     assert f"{50 * (0.69 * 1.8**2 + 0.31 / 1.8 - 1):.0f} %;" in found.why
+
+
+def test_the_percentages_of_figure_3_are_the_cubes_under_a_load_with_its_own_gradient():
+    """A line along x becomes as long as the first column of F."""
+    made = curves()
+    gradient = made.deformation_gradient.copy()
+    gradient[:, 0, -1] = [[1.2, 0.0, 0.0], [0.5, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    own = replace(made, loads=("mine", *LOADS[1:]), deformation_gradient=gradient)
+    assert of_curves.rows_of_figure_3(own, made).here.startswith("Green strain 34 % along x")
 
 
 def test_constants_of_one_law_are_found_up_to_any_stretch():
@@ -282,3 +314,21 @@ def test_families(small, large, trusted, denied):
 def test_the_range_of_strain_decides_between_the_sections():
     found = families.families(group_fits({"xy_biaxial": 9.0, "xy_shear": 9.0}, {}), True, THRESHOLDS)
     assert found.why.endswith("nearer to the truth is section 4.1 at 112 % and section 3.1 at 10 %.")
+
+
+def test_a_load_with_its_own_gradient_belongs_to_no_family():
+    """It counts among all loads, and leaves the families of the others as they are."""
+    own = replace(curves(), loads=("mine", *LOADS[1:]))
+    sets = {name: ("mine", *loads[1:]) for name, loads in SETS.items()}
+    found = families.group_fits({"10 %": own}, ["case"], sets, 50.0)
+    usual = families.group_fits({"10 %": curves()}, ["case"], SETS, 50.0)
+    assert [one.loads for one in found if not one.pooled] == [one.loads for one in usual if not one.pooled]
+    assert [one.loads for one in found if one.pooled] == list(sets.values())
+
+
+def test_a_load_set_without_families_leaves_the_verdict_to_the_others():
+    """One load of a kind is no family, as in a set of tension alone."""
+    for factors, verdict in (({}, REPRODUCED), ({"xy_biaxial": 9.0, "xy_shear": 9.0}, CONTRADICTED)):
+        ranges = {"112 %": curves(factors), "10 %": curves(factors)}
+        found = families.group_fits(ranges, ["case"], {**SETS, "tension": LOADS[:2]}, 50.0)
+        assert verdict_of(families.families(found, True, THRESHOLDS)) is verdict

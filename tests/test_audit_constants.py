@@ -157,6 +157,8 @@ def test_the_exponent_of_the_energy_at_small_strain():
     fit = constants(FALLS, RISES)
     why = of_constants.amplitude((fit, fit), (fit, fit), (mixed, made), THRESHOLDS).why
     assert "and here 1 to 1 under shear and 2" in why
+    unlike = replace(mixed, loads=("mine", *LOADS[1:]))  # a load with its own gradient is no shear
+    assert of_constants.amplitude((fit, fit), (fit, fit), (unlike, made), THRESHOLDS).why == why
 
 
 def test_the_pair_of_shears_matters_where_constants_or_quality_of_the_fits_differ():

@@ -1,5 +1,4 @@
-"""Verdicts follow the data: laws under Eq. 9, the tissue and its costs, made up so that a statement is true or "
-"false."""
+"""Verdicts follow the data: laws under Eq. 9, the tissue and its costs, made up for a statement to be true or not."""
 
 from dataclasses import replace
 

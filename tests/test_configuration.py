@@ -8,7 +8,9 @@ import pytest
 import yaml
 
 from fibrous.errors import ConfigError
+from fibrous.study import plan
 from fibrous.study.configuration import DEFAULT, SCHEMA, _merge, loaded, validated
+from fibrous.study.variants import variants
 
 SCHEMA_TREE = yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))
 
@@ -233,6 +235,7 @@ def models(*entries: dict) -> dict:
     return {"tissue": {"models": list(entries)}}
 
 
+PULL = [[1.8, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 CONTRADICTIONS = [
     (named({"name": "far", "H11": 0.7, "H22": 0.4}), "named[6] has H11 + H22 = 1.1, must be less than 1"),
     (named({"name": "case", "H11": 0.4, "H22": 0.4}), "named[6].name is case, which named[0] is called already"),
@@ -249,6 +252,18 @@ CONTRADICTIONS = [
     (edited("protocols", 2, ensembles=["named"]), "tissue.protocol is section_2_6, whose ensembles lack tissue"),
     (edited("protocols", 3, name="eq10"), "protocols lacks eq9, which Figure 8 draws"),
     (eq9(load="eq10"), "protocols: eq9 lacks a load of that name"),
+    (
+        edited("protocols", 3, loads=[*loaded()["protocols"][3]["loads"], {"load": "x_uniaxial", "magnitude": 1.1}]),
+        "protocols: eq9 has x_uniaxial, must have the load of that name alone",
+    ),
+    (
+        edited("protocols", 1, loads=[{"load": "xy_shear", "deformation_gradient": PULL}]),
+        "protocols[1].loads[0].load is xy_shear, whose deformation gradient is known: give yours another name",
+    ),
+    (
+        edited("protocols", 0, loads=[{"load": "pull", "deformation_gradient": PULL}]),
+        "protocols: large lacks x_uniaxial, which the claims need",
+    ),
     (eq9(magnitude=1.0), "protocols[3].loads[0] has a magnitude and a deformation_gradient, must have one of them"),
     (
         eq9(deformation_gradient=[[-1, 0, 0], [0, 1, 0], [0, 0, 1]]),
@@ -306,10 +321,6 @@ CONTRADICTIONS = [
         {"sensitivity": {"amplitude": [0.9]}},
         "sensitivity.amplitude[0] is 0.9, with which protocols[0].loads[0].magnitude is 0.9, which gives a network",
     ),
-    (
-        edited("protocols", 0, loads=[{"load": "pull", "deformation_gradient": [[1.8, 0, 0], [0, 1, 0], [0, 0, 1]]}]),
-        "protocols: large lacks a first load with a magnitude, which sensitivity.amplitude varies",
-    ),
     (named(without="fig6_2"), "named lacks fig6_2, which a figure draws"),
     ({"delaunay": {"H11": [0.5, 0.4]}}, "delaunay.H11 is [0.5, 0.4], must rise"),
     ({"delaunay": {"H11": [0.5, 0.92]}}, "delaunay.H11 reaches 0.92, which leaves no room"),
@@ -324,6 +335,12 @@ CONTRADICTIONS = [
     ({"principal_stretch_limit": 1.5}, "protocols[0].loads[0].magnitude is 1.8, a principal stretch of 1.8, must stay"),
     (protocols(xy_shear=4.0), "protocols[1].loads[3].magnitude is 4, a principal stretch of 4.236, must stay"),
     (protocols(x_uniaxial=0.9), "protocols[1].loads[0].magnitude is 0.9, which gives a network of H = (0.8, 0.05"),
+    (
+        edited(
+            "protocols", 1, loads=[{"load": "squeeze", "deformation_gradient": [[0.9, 0, 0], [0, 1, 0], [0, 0, 1]]}]
+        ),
+        "protocols[1].loads[0].deformation_gradient is given, which gives a network of H = ",
+    ),
     # Where H11 < 1/3, a stretch along x makes the fibers shorter on average.
     (
         protocols(x_uniaxial=1.005) | {"delaunay": {"H11": [0.2, 0.8]}},
@@ -369,6 +386,32 @@ def test_a_load_occurs_once_and_the_first_has_a_magnitude():
     loads[0]["magnitude"] = 1.8
     loads[2]["load"] = "xy_biaxial"
     assert "protocols[0].loads[2].load is xy_biaxial, which the protocol has already" in complaint(config)
+
+
+@pytest.mark.parametrize("place", [0, 3, 6])
+@pytest.mark.parametrize("protocol", [0, 1])
+def test_a_load_with_its_own_gradient_has_any_place_in_the_protocols_of_the_figures(protocol, place):
+    config = loaded()
+    config["protocols"][protocol]["loads"].insert(place, {"load": "pull", "deformation_gradient": PULL})
+    assert validated(config)["protocols"][protocol]["loads"][place]["load"] == "pull"
+    factors = {variant.factor for variant in variants(config)}
+    assert ("amplitude" in factors) == ((protocol, place) != (0, 0))  # without a magnitude there is none to vary
+
+
+@pytest.mark.parametrize(
+    ("key", "question"),
+    [
+        ("network", plan.own_networks),
+        ("specimen", plan.own_specimen),
+        ("update", plan.has_lagged_constants),
+    ],
+)
+def test_a_third_way_is_not_taken_for_one_of_the_two(key, question):
+    config = loaded()
+    assert question(config) is False
+    (config["tissue"] if key == "update" else config)[key] = "voronoi"
+    with pytest.raises(ConfigError, match=f"{key} is 'voronoi', must be "):
+        question(config)
 
 
 def test_the_default_and_the_quick_config_are_accepted():

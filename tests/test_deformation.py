@@ -50,8 +50,14 @@ def test_loads_are_the_formulas_of_the_design():
 
 @pytest.mark.parametrize("name", ["", "x", "x_pull", "xx_shear", "xyz_shear", "w_uniaxial", "xy_uniaxial", "x_shear"])
 def test_other_names_are_refused(name):
+    assert Load.kind_of(name) is None
     with pytest.raises(LoadError, match="unknown"):
         Load.parse(name)
+
+
+@pytest.mark.parametrize("name", LOADS)
+def test_the_kind_is_known_by_the_name(name):
+    assert Load.kind_of(name) == Load.parse(name).kind == name.split("_")[1]
 
 
 @pytest.mark.parametrize("name", LOADS)

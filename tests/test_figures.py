@@ -21,7 +21,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from PIL import Image
 
-from fibrous.datasets import read
+from fibrous.datasets import read, write
 from fibrous.errors import DatasetError
 from fibrous.figures import figure_3, style
 from fibrous.figures.curves import curve_table, pooled_fits, stacked
@@ -228,6 +228,38 @@ def test_figure_5_draws_eq_2_with_the_constants_in_its_legend(files, figure, stu
     titles = [axes_of(figure, letter).get_legend().get_title().get_text() for letter in "ab"]
     assert titles[0].startswith("112 % Green strain in x-uniaxial")
     assert titles[1].startswith("10 % Green strain in x-uniaxial")
+
+
+@pytest.fixture(scope="module")
+def own_load(study, tmp_path_factory):
+    """The study whose first load has another name, as one with its own deformation gradient."""
+    folder, changed = tmp_path_factory.mktemp("own_load"), dict(study)
+    for kind in ("states", "curves"):
+        for protocol in PROTOCOLS:
+            dataset = read(study[f"{kind}_{protocol}"], kind)
+            dataset = dataset.assign_coords(deformation=["mine", *synthetic.LOADS[1:]])
+            if kind == "curves":
+                dataset["magnitude"][:, 0] = np.linspace(0.0, 1.0, dataset.sizes["step"])
+            changed[f"{kind}_{protocol}"] = folder / f"{kind}_{protocol}.nc"
+            write(dataset, changed[f"{kind}_{protocol}"], kind, synthetic.params(0))
+    return changed
+
+
+@pytest.fixture
+def own_load_sets(monkeypatch):
+    sets = [{**one, "loads": ["mine", *one["loads"][1:]]} for one in synthetic.LOAD_SETS]
+    monkeypatch.setattr(synthetic, "LOAD_SETS", sets)
+
+
+@pytest.mark.usefixtures("own_load_sets")
+def test_a_load_with_its_own_gradient_is_drawn_and_its_range_is_that_of_its_gradient(own_load, figure):
+    titles = [axes_of(draw(3, own_load), letter).get_title() for letter in ("a1", "b1", "a2")]
+    assert titles[:2] == ["mine\n100% of its path"] * 2
+    assert titles[2] == axes_of(figure(3), "a2").get_title()
+    drawn = draw(5, own_load)
+    said = [axes_of(drawn, letter).get_legend().get_title().get_text() for letter in "ab"]
+    assert [one.partition(",")[0] for one in said] == [f"{size} % Green strain in mine" for size in (112, 10)]
+    assert any("112 % Green strain in mine" in text.get_text() for text in draw(6, own_load).texts)
 
 
 def test_figure_6_draws_the_curves_of_the_default_load_set(files, figure):

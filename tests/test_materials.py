@@ -6,15 +6,17 @@ from collections import namedtuple
 import mpmath
 import numpy as np
 import pytest
+import yaml
 from conftest import small_network
 from scipy.spatial.transform import Rotation
 
 from fibrous.clock import Clock
 from fibrous.deformation import Load, averaged_stretch
 from fibrous.fitting.hgo import strain_energy
+from fibrous.materials import hgo
 from fibrous.materials.affine_fibers import AffineFibers, half_sphere
 from fibrous.materials.contract import MaterialError, join, select
-from fibrous.materials.hgo import HGOFamilies, HGOStructureTensor
+from fibrous.materials.hgo import HGOFamilies, HGOStructureTensor, law_called
 from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.materials.timed import Timed
@@ -22,6 +24,8 @@ from fibrous.networks.banded import Assembly
 from fibrous.networks.fiber_law import ExponentialFiber
 from fibrous.networks.network import structure_tensor
 from fibrous.networks.path import stress_scale
+from fibrous.study.configuration import SCHEMA
+from fibrous.words import FORMS, WITHOUT_CONSTANTS
 
 ELEMENTS = 4
 H_DIAGONAL = np.diag([0.6, 0.3, 0.1])
@@ -266,6 +270,9 @@ def test_named_states_keep_their_names():
     assert join(halves)[1].one.tolist() == state.one.tolist()
 
 
+FAMILIES = HGOFamilies.of_structure_tensor(H, C2, C3)
+
+
 def per_element(*values) -> np.ndarray:
     return np.array(values, dtype=float)[:, None]
 
@@ -298,3 +305,21 @@ def test_constants_out_of_range_are_refused_in_a_line_that_names_the_element(tex
     with pytest.raises(MaterialError, match=re.escape(text)) as error:
         BAD[text]()
     assert "\n" not in str(error.value)
+
+
+def test_a_law_is_known_by_its_name_and_no_other_law_stands_in_for_it():
+    gradients = Load.parse("xy_biaxial").deformation_gradient(np.full((ELEMENTS, 1), 1.2))
+    for name, law in {"structure_tensor": HGOStructureTensor(C2, C3, H), "families": FAMILIES}.items():
+        np.testing.assert_array_equal(
+            law_called(name).of_structure_tensor(H, C2, C3)(gradients)[0], law(gradients)[0], strict=True
+        )
+    with pytest.raises(MaterialError, match=r"^law 'gasser_dispersion' .* are structure_tensor, families$"):
+        law_called("gasser_dispersion")
+
+
+def test_every_law_with_constants_may_be_asked_for_and_has_a_label():
+    model = yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))["properties"]["tissue"]["properties"]["models"]["items"][
+        "properties"
+    ]
+    assert set(model["energy"]["enum"]) == set(FORMS) == set(hgo.LAWS)
+    assert set(model["law"]["enum"]) == set(hgo.LAWS) | set(WITHOUT_CONSTANTS)

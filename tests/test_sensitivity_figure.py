@@ -57,6 +57,12 @@ def test_lines_are_medians_over_the_networks(drawn):
         assert points == 4 * 9
 
 
+def test_a_factor_that_is_not_varied_has_no_column():
+    own = {name: value for name, value in OWN.items() if name != "amplitude"}
+    figure = sensitivity.draw(completed(tables(), own), synthetic.LOAD_SETS)
+    assert len(figure.axes) == len(sensitivity.ROWS) * len(own)
+
+
 def test_every_text_is_legible_and_inside(drawn):
     _, figure = drawn
     renderer = figure.canvas.get_renderer()

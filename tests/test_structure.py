@@ -1,6 +1,7 @@
 """The house of the package: imports run one way, and rooms that should not know each other do not."""
 
 import ast
+import re
 from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -8,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import fibrous
+from fibrous.study.stages import STAGES
 
 ROOT = Path(fibrous.__file__).parent
 MODULES = {".".join(("fibrous", *path.relative_to(ROOT).with_suffix("").parts)): path for path in ROOT.rglob("*.py")}
@@ -88,3 +90,48 @@ def test_only_figures_draw_and_nothing_knows_snakemake():
         if not name.startswith("fibrous.figures"):
             assert "import matplotlib" not in text
             assert "from matplotlib" not in text
+
+
+# Docstrings --------------------------------------------------------------------------------------------------------
+
+RULE = re.compile(r"^ *rule (\w+):.*?(?=^ *rule |\Z)", re.M | re.S)
+CODE = [*ROOT.rglob("*.py"), *Path(__file__).parent.glob("*.py")]
+
+
+def rules() -> dict[str, set[str]]:
+    """Names of the rules that run each module, by the module."""
+    found: dict[str, set[str]] = {}
+    for path in (ROOT.parents[1] / "workflow/rules").glob("*.smk"):
+        for block in RULE.finditer(path.read_text(encoding="utf-8")):
+            if stage := re.search(r"\bparams\(\"(\w+)\"\)", block[0]):
+                found.setdefault(STAGES[stage[1]].module, set()).add(block[1])
+    return found
+
+
+def docstrings(path: Path) -> list[str]:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    holders = [node for node in ast.walk(tree) if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)]
+    return [text for text in map(ast.get_docstring, holders) if text]
+
+
+def test_a_step_names_the_rules_that_run_it():
+    known, named = rules(), 0
+    for name, path in MODULES.items():
+        if (opening := re.match(r"Rules? (`\w+`(?:(?:,| and) `\w+`)*):", docstrings(path)[0])) is not None:
+            assert set(re.findall(r"`(\w+)`", opening[1])) == known[name], name
+            named += 1
+    assert named > 20
+    every = set().union(*known.values())
+    for path in CODE:
+        for text in docstrings(path):
+            assert set(re.findall(r"\brule\s+`(\w+)`", text)) <= every, path
+
+
+def test_no_docstring_is_cut():
+    """Quotes, backticks and brackets come in pairs, and a summary is a sentence."""
+    for text in [text for path in CODE for text in docstrings(path)]:
+        prose = re.sub(r"^ *>>>.*?(?=\n\s*\n|\Z)", "", text, flags=re.M | re.S)
+        assert not any(prose.count(mark) % 2 for mark in '"`'), text
+        assert not re.search(r'"\s*\n\s*"', prose), text
+        assert all(prose.count(a) == prose.count(b) for a, b in ("()", "[]", "{}")), text
+        assert re.search(r"[.:…][\")]*$", prose.split("\n\n")[0].rstrip()), text

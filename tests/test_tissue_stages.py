@@ -22,7 +22,7 @@ from small_study import (
 )
 
 from fibrous import datasets
-from fibrous.errors import ConvergenceError, DatasetError, FitError
+from fibrous.errors import ConvergenceError, DatasetError, FibrousError, FitError
 from fibrous.fe.solver import LoadStepper
 from fibrous.fitting.hgo import Curves, fit_constants
 from fibrous.materials.affine_fibers import AffineFibers
@@ -104,6 +104,14 @@ def test_a_run_has_the_constants_of_its_form(study, run):
         assert_is(found, HGOStructureTensor(C2, C3, TENSORS[:, None]))
     else:
         assert_is(found, HGOFamilies.of_structure_tensor(TENSORS[:, None], C2, C3))
+
+
+@pytest.mark.parametrize("change", [{"law": "gasser_dispersion"}, {"constants": "guessed"}])
+def test_a_law_or_constants_that_nobody_knows_are_refused(other, change):
+    begun = other(SPECIMEN_FILE, FITS_FILE)
+    begun.config["tissue"]["models"].append({**HGO, **change, "name": "new"})
+    with pytest.raises(FibrousError, match=f"'{next(iter(change.values()))}'"):
+        begun.run("tissue", run="new")
 
 
 def test_a_refitted_run_has_the_constants_of_the_only_load(study):

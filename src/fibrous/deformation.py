@@ -43,13 +43,30 @@ class Load:
 
         Raises LoadError for any other name.
         """
+        load = cls._called(name)
+        if load is None:
+            raise LoadError(
+                f"load '{name}' is unknown: write x_uniaxial, xy_biaxial or xy_shear, with the axes you need"
+            )
+        return load
+
+    @classmethod
+    def kind_of(cls, name: str) -> Kind | None:
+        """Kind of the load of that name; None of any other name, whose load comes with its deformation gradient.
+
+        >>> Load.kind_of("yz_shear"), Load.kind_of("eq9")
+        ('shear', None)
+        """
+        load = cls._called(name)
+        return None if load is None else load.kind
+
+    @classmethod
+    def _called(cls, name: str) -> Load | None:
         letters, _, kind = name.partition("_")
         wanted = {"uniaxial": 1, "biaxial": 2, "shear": 2}.get(kind)
         axes = tuple("xyz".find(letter) for letter in letters)
         if wanted is None or len(axes) != wanted or -1 in axes or len(set(axes)) != len(axes):
-            raise LoadError(
-                f"load '{name}' is unknown: write x_uniaxial, xy_biaxial or xy_shear, with the axes you need"
-            )
+            return None
         return cls(cast(Kind, kind), axes)
 
     @property
@@ -60,7 +77,7 @@ class Load:
     @property
     def rest(self) -> float:
         """Magnitude at which F is the identity."""
-        return 0.0 if self.kind == "shear" else 1.0
+        return {"uniaxial": 1.0, "biaxial": 1.0, "shear": 0.0}[self.kind]
 
     def deformation_gradient(self, magnitude: ArrayLike) -> Array:
         """F, shape (..., 3, 3), for magnitudes of shape (...)."""
@@ -71,7 +88,7 @@ class Load:
             diagonal[...] = 1.0
             gradient[..., self.axes[1], self.axes[0]] = magnitude
             return gradient
-        transverse = -0.5 if self.kind == "uniaxial" else -2.0
+        transverse = {"uniaxial": -0.5, "biaxial": -2.0}[self.kind]
         diagonal[...] = (magnitude**transverse)[..., None]
         for axis in self.axes:
             diagonal[..., axis] = magnitude

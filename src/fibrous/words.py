@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 FORMS = {"structure_tensor": "Eq. 2", "families": "Eq. 10C"}
+# What was fitted: section 2.5 may fit a slope in place of an energy.
+FITTED = {"energy": "fitted", "slope": "fitted", "stress": "fitted to stress"}
 WITHOUT_CONSTANTS = {
     "matrix": "matrix alone",
     "affine": "affine fibres, nothing fitted",
@@ -23,7 +25,7 @@ def law_label(model: Mapping[Any, Any]) -> str:
         return WITHOUT_CONSTANTS[model["law"]]
     if model["constants"] == "surface":
         return f"surface of Eq. 11, {FORMS[model['law']]} run"
-    fitted = f"{FORMS[model['energy']]} fitted" + (" to stress" if model["objective"] == "stress" else "")
+    fitted = f"{FORMS[model['energy']]} {FITTED[model['objective']]}"
     if model["law"] != model["energy"]:
         return f"{fitted}, {FORMS[model['law']]} run"
     return fitted if model["objective"] == "stress" else f"{fitted} and run"

@@ -50,7 +50,7 @@ def amplitude(
     ratio = few.C2[many.C2 > 0.0] / many.C2[many.C2 > 0.0]
     middle, largest = float(np.median(ratio)), float(ratio.max())
     belong = holds_for_most(same, thresholds.most)
-    shear = np.array([Load.parse(load).kind == "shear" for load in curves[0].loads])
+    shear = np.array([Load.kind_of(load) == "shear" for load in curves[0].loads])
     of_case, of_first = (starting_exponents(one)[0] for one in curves)
     return Finding(
         f"C2 {say(small.C2[0], unit='MPa')} up to λ_f = {small.amplitude[0]:.2f}, {say(large.C2[0], unit='MPa')} up to "

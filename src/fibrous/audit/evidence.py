@@ -73,27 +73,35 @@ class Curves:
 
     @property
     def reach(self) -> Array:
-        """Largest averaged stretch that all loads of a network reach, shape (networks,)."""
-        return np.asarray(self.averaged_stretch[..., -1].min(axis=1))
+        """Largest averaged stretch that all loads of a network reach that `stretch` it, shape (networks,)."""
+        return np.asarray(np.where(self.stretch, self.averaged_stretch[..., -1], np.inf).min(axis=1))
+
+    @property
+    def stretch(self) -> NDArray[np.bool_]:
+        """Which loads end with the mean fibre longer than at rest, shape (networks, loads)."""
+        return np.asarray(self.averaged_stretch[..., -1] > 1.0)
 
     def energies_at(self, stretch: ArrayLike) -> Array:
         """W of every load at averaged stretches within `reach`, one for all or one a network; (networks, loads), MPa.
 
         Between states W is interpolated over λ_f, from where λ_f is least on: a load of a network aligned across it
-        shortens the mean fibre first.
+        shortens the mean fibre first. NaN of a load that ends with the mean fibre shortened.
         """
         wanted = np.broadcast_to(np.asarray(stretch, dtype=float), len(self.names))
-        found = np.empty(self.averaged_stretch.shape[:2])
-        for i, j in np.ndindex(*found.shape):
+        found = np.full(self.averaged_stretch.shape[:2], np.nan)
+        for i, j in np.argwhere(self.stretch):
             own = self.averaged_stretch[i, j]
             rising = slice(int(np.argmin(own)), None)
             found[i, j] = np.interp(wanted[i], own[rising], self.strain_energy_density[i, j, rising])
         return found
 
     def dissimilarity(self, stretch: ArrayLike | None = None) -> Array:
-        """Largest over least W among the loads, shape (networks,), at λ_f as of `energies_at`, by default `reach`."""
+        """Largest over least W among the loads that `stretch` the mean fibre, shape (networks,).
+
+        At λ_f as of `energies_at`, by default `reach`.
+        """
         energy = self.energies_at(self.reach if stretch is None else stretch)
-        return np.asarray(energy.max(axis=1) / energy.min(axis=1))
+        return np.asarray(np.nanmax(energy, axis=1) / np.nanmin(energy, axis=1))
 
 
 @dataclass(frozen=True)

@@ -51,11 +51,12 @@ def group_fits(
 ) -> list[GroupFit]:
     """Fits to every load set and to every family of two loads or more within it; one curve alone would tell little.
 
+    A load with its own deformation gradient belongs to no family.
     `ranges` holds curves by the words that name their strain.
     """
     found = []
     for load_set, loads in load_sets.items():
-        of_kind = [tuple(load for load in loads if Load.parse(load).kind == kind) for kind in KINDS]
+        of_kind = [tuple(load for load in loads if Load.kind_of(load) == kind) for kind in KINDS]
         groups = [(loads, True), *((family, False) for family in of_kind if len(family) > 1)]
         for strain, curves in ranges.items():
             for name in networks:
@@ -77,7 +78,8 @@ def families(found: Sequence[GroupFit], trusted: bool, thresholds: Thresholds) -
         {cell: [one for one in found if (one.strain, one.load_set) == cell and one.pooled == whole] for cell in cells}
         for whole in (False, True)
     )
-    fitting = [_share(group, thresholds) for group in within.values()]
+    # A load set may have no two loads of a kind.
+    fitting = [_share(group, thresholds) for group in within.values() if group]
     true = (
         fitting if trusted else [1.0 - one for one in (*fitting, *(_share(one, thresholds) for one in pooled.values()))]
     )

@@ -146,9 +146,11 @@ def _ranks(values: Array) -> Array:
 def number(value: float, digits: int = 3) -> str:
     """A number with so many digits, thousands apart, and no power of ten.
 
-    >>> number(0.12345), number(2.0), number(-1013.2), number(1772.09), number(0.0), number(1e-16)
-    ('0.123', '2', '-1,010', '1,770', '0', 'less than 0.000001')
+    >>> number(0.12345), number(2.0), number(-1013.2), number(1772.09), number(0.0), number(1e-16), number(math.nan)
+    ('0.123', '2', '-1,010', '1,770', '0', 'less than 0.000001', 'unknown')
     """
+    if not math.isfinite(value):
+        return "unknown"
     if 0.0 < abs(value) < SMALLEST:
         return f"less than {SMALLEST:f}"
     if value == 0.0:

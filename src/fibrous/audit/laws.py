@@ -30,7 +30,7 @@ from fibrous.materials.hgo import HGOFamilies, HGOStructureTensor
 EQ_2, EQ_10C = "Eq. 2", "Eq. 10C"
 # The law that is fitted, and the one that the finite elements run with the same constants.
 LAWS: dict[str, Callable[[Array, float, float, bool], Material]] = {
-    EQ_2: lambda tensor, C2, C3, tension_only: HGOStructureTensor(C2, C3, tensor, tension_only),
+    EQ_2: HGOStructureTensor.of_structure_tensor,
     EQ_10C: HGOFamilies.of_structure_tensor,
 }
 INITIAL, REFIT = "initial", "refit"
@@ -145,8 +145,7 @@ def initial_fit(found: Found, tension_only: bool, thresholds: Thresholds) -> Fin
 
 
 def refit(found: Found, tension_only: bool, thresholds: Thresholds) -> Finding:
-    """Section 3.3: the refit largely corrects the shape of the curve; after it, the errors of σ_xx and of the "
-    "tensor."""
+    """Section 3.3: the refit largely corrects the shape of the curve; after it, those of σ_xx and of the tensor."""
     parts, said, shapes, spreads = [], [], [], []
     corrected: list[str] = []
     left: list[str] = []

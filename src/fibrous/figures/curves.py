@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from fibrous.datasets import read, read_table
-from fibrous.deformation import Load, largest_principal_stretch
+from fibrous.deformation import largest_principal_stretch
 from fibrous.errors import DatasetError
 from fibrous.figures import style
 from fibrous.fitting.hgo import strain_energy
@@ -38,8 +38,9 @@ FIT_POINTS = 201
 def curve_table(path: Path, network: str) -> pd.DataFrame:
     """The curves of the network of that name, one row a state, loads in the order of the file.
 
-    Columns: deformation, step, magnitude, averaged_stretch, strain_energy_density_MPa,
-    largest_orientation_eigenvalue, converged, amplitude_limited. Raises DatasetError where no network has the name.
+    Columns: deformation, step, magnitude, averaged_stretch, largest_principal_stretch (of F),
+    strain_energy_density_MPa, largest_orientation_eigenvalue, converged, amplitude_limited. Raises DatasetError where
+    no network has the name.
     """
     curves = read(path, "curves")
     found = np.flatnonzero(curves["name"].values == network)
@@ -53,6 +54,7 @@ def curve_table(path: Path, network: str) -> pd.DataFrame:
             "step": np.tile(chosen["step"].values, loads),
             "magnitude": chosen["magnitude"].values.ravel(),
             "averaged_stretch": chosen["averaged_stretch"].values.ravel(),
+            "largest_principal_stretch": largest_principal_stretch(chosen["deformation_gradient"].values).ravel(),
             "strain_energy_density_MPa": chosen["strain_energy_density"].values.ravel(),
             "largest_orientation_eigenvalue": chosen["largest_orientation_eigenvalue"].values.ravel(),
             "converged": chosen["converged"].values.ravel(),
@@ -165,8 +167,7 @@ def fit_label(fit: Mapping[Any, Any], separator: str) -> str:
 def amplitude(states: pd.DataFrame) -> str:
     """Largest principal Green strain of the first load of the protocol, which all others follow in λ_f."""
     load = str(states["deformation"].iloc[0])
-    end = states.loc[states["deformation"] == load, "magnitude"].iloc[-1]
-    stretch = float(largest_principal_stretch(Load.parse(load).deformation_gradient(end)))
+    stretch = float(states.loc[states["deformation"] == load, "largest_principal_stretch"].iloc[-1])
     return f"{50.0 * (stretch**2 - 1.0):.0f} % Green strain in {style.load_label(load)}"
 
 

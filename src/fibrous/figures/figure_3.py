@@ -20,6 +20,13 @@ from fibrous.figures import style
 from fibrous.figures.curves import curve_table, draw_load, load_handles, load_numbers, stacked
 from fibrous.figures.projection import Camera, draw_axes_cross, draw_edge_length, draw_fibers, draw_outline, fit_view
 
+# How the magnitude of a load is written, by its kind; that of a load with its own F is the part of its path.
+MAGNITUDES = {
+    "uniaxial": "$\\lambda = {:.2f}$",
+    "biaxial": "$m = {:.2f}$",
+    "shear": "$\\gamma = {:.2f}$",
+    None: "{:.0%} of its path",
+}
 CAMERA = Camera.looking_from(azimuth_deg=-62.0, elevation_deg=22.0)
 # Share of fibres inside the colour scale; the few beyond it take its end colours.
 COLORED_SHARE = 0.99
@@ -35,7 +42,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     states = [read(path, "states") for path in inputs["states"]]
     paths = zip(protocols, inputs["curves"], strict=True)
     table = stacked({protocol: curve_table(path, network) for protocol, path in paths}, "protocol")
-    write_table(table.drop(columns="strain_energy_density_MPa"), outputs["data"], params)
+    write_table(table.drop(columns=["strain_energy_density_MPa", "largest_principal_stretch"]), outputs["data"], params)
     style.save(draw(states, table), outputs, params)
 
 
@@ -83,8 +90,8 @@ def _draw_networks(figure: Figure, spec: SubplotSpec, states: xr.Dataset, table:
             corner = np.array([axes.get_xlim()[0], axes.get_ylim()[0]])
             draw_axes_cross(axes, CAMERA, corner + 0.1, 0.3)
         own = table[table["deformation"] == load].set_index("step")
-        symbol = {"uniaxial": "\\lambda", "biaxial": "m", "shear": "\\gamma"}[Load.parse(load).kind]
-        axes.set_title(f"{style.load_label(load)}\n${symbol} = {own.loc[step, 'magnitude']:.2f}$", pad=1.0)
+        magnitude = MAGNITUDES[Load.kind_of(load)].format(own.loc[step, "magnitude"])
+        axes.set_title(f"{style.load_label(load)}\n{magnitude}", pad=1.0)
         style.panel_letter(axes, f"{letter}{column + 1}", dx_mm=4.0)
         if step != own.index.max() or own.loc[step, "amplitude_limited"]:
             note = "amplitude limit" if step == own.index.max() else "no equilibrium beyond"

@@ -279,7 +279,7 @@ def _constants(path: Path, network: int, load_set: str, deformation: str | None)
     """C2 (MPa) and C3 of Eq. 2 that were fitted to the energy of the network under these loads."""
     table = read_table(path, FIT_COLUMNS)
     kept = (table["network"] == network) & (table["load_set"] == load_set) & (table["energy"] == "structure_tensor")
-    kept &= table["objective"] != "stress"
+    kept &= table["objective"].isin(("energy", "slope"))  # section 2.5 may fit a slope in place of an energy
     if deformation is not None:
         kept &= table["deformation"] == deformation
     if kept.sum() != 1:

@@ -54,19 +54,20 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
 def draw(trials: pd.DataFrame, load_sets: list[dict[str, Any]]) -> Figure:
     """One column a factor, one row a quantity, from `completed` trials."""
     figure = style.new_figure(style.FULL_WIDTH_MM, 150.0)
+    columns = {factor: label for factor, label in COLUMNS.items() if factor in set(trials["factor"])}
     grid = figure.add_gridspec(
-        len(ROWS), len(COLUMNS), left=0.07, right=0.99, top=0.935, bottom=0.1, wspace=0.12, hspace=0.2
+        len(ROWS), len(columns), left=0.07, right=0.99, top=0.935, bottom=0.1, wspace=0.12, hspace=0.2
     )
     panels = grid.subplots(sharex="col", sharey="row", squeeze=False)
     for row, (quantity, (label, times, kind)) in enumerate(ROWS.items()):
-        for column, factor in enumerate(COLUMNS):
+        for column, factor in enumerate(columns):
             _draw_panel(panels[row, column], trials[trials["factor"] == factor], quantity, times, load_sets)
         panels[row, 0].set_ylabel(label)
         panels[row, 0].set_yscale(kind)
         if kind == "log":
             _show_plain(panels[row, 0].yaxis)
         style.panel_letter(panels[row, 0], "abcd"[row])
-    for axes, (factor, label) in zip(panels[-1], COLUMNS.items(), strict=True):
+    for axes, (factor, label) in zip(panels[-1], columns.items(), strict=True):
         values = list(dict.fromkeys(trials.loc[trials["factor"] == factor, "value"]))
         axes.set_xticks(values, [f"{value:.3g}" for value in values])
         axes.set_xlabel(label)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import exprel
 
-from fibrous.materials.contract import PerElement, State, components_first, components_last, refuse
+from fibrous.materials.contract import MaterialError, PerElement, State, components_first, components_last, refuse
 
 Array = NDArray[np.float64]
 
@@ -124,6 +124,13 @@ class HGOStructureTensor(PerElement):
         _set_components(self, "structure_tensor", (3, 3))
         _refuse_structure_tensor(self.structure_tensor)
 
+    @classmethod
+    def of_structure_tensor(
+        cls, structure_tensor: Array, C2: Array | float, C3: Array | float, tension_only: bool = True
+    ) -> Self:
+        """The law of H, shape (..., 3, 3), called as that of the families is."""
+        return cls(C2, C3, structure_tensor, tension_only)
+
     def __call__(self, gradient: Array, state: State = None, near: State = None) -> tuple[Array, Array, State]:
         """P = 2W' F H, A = 2W' δ_ik H_JL + 4W'' (F H)_iJ (F H)_kL with W' = ∂W/∂⟨I4⟩, in MPa."""
         F, H, C2, C3 = self._components(gradient)
@@ -193,3 +200,17 @@ def _refuse_structure_tensor(tensor: ArrayLike) -> None:
         "structure_tensor",
         "symmetric, without negative eigenvalues, of trace 1",
     )
+
+
+# Laws with constants C2 and C3 by the name that the config and the tables of fits have for them.
+LAWS: dict[str, type[HGOFamilies] | type[HGOStructureTensor]] = {
+    "structure_tensor": HGOStructureTensor,
+    "families": HGOFamilies,
+}
+
+
+def law_called(name: str) -> type[HGOFamilies] | type[HGOStructureTensor]:
+    """The law with constants of that name; raises MaterialError for any other name."""
+    if name not in LAWS:
+        raise MaterialError(f"law '{name}' has no constants C2 and C3; those that have are {', '.join(LAWS)}")
+    return LAWS[name]

@@ -15,9 +15,9 @@ from dataclasses import dataclass, field
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from fibrous.compiled import njit
 from fibrous.errors import ConfigError
 from fibrous.networks.lanes import (
     LANES,
@@ -60,7 +60,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 LONGEST_INTERVAL = 8.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _exponential(stretch, nonlinearity, linear_beyond):  # type: ignore[no-untyped-def]
     """f and df/dλ of Eq. 6, continued along its tangent beyond a stretch."""
     cut = least(stretch, linear_beyond)
@@ -69,7 +69,7 @@ def _exponential(stretch, nonlinearity, linear_beyond):  # type: ignore[no-untyp
     return growth * (1.0 / nonlinearity) + stiffness * (stretch - cut), stiffness
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _exponential_energy(stretch, nonlinearity, linear_beyond):  # type: ignore[no-untyped-def]
     """w of Eq. 6, which has no elementary form, by Gauss's rule over intervals of the way from 1 to the stretch."""
     cut = least(stretch, linear_beyond)
@@ -86,7 +86,7 @@ def _exponential_energy(stretch, nonlinearity, linear_beyond):  # type: ignore[n
     return half * total * (1.0 / nonlinearity) + beyond * (force + 0.5 * beyond * stiffness)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _buckling(stretch, compressive, unused):  # type: ignore[no-untyped-def]
     """f and df/dλ of a linear fibre with another stiffness in compression."""
     strain = stretch - 1.0
@@ -94,13 +94,13 @@ def _buckling(stretch, compressive, unused):  # type: ignore[no-untyped-def]
     return stiffness * strain, stiffness
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _buckling_energy(stretch, compressive, unused):  # type: ignore[no-untyped-def]
     """w = f²/(2 df/dλ), on either side of rest."""
     return 0.5 * _buckling(stretch, compressive, unused)[0] * (stretch - 1.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def respond(kind, stretch, first, second):  # type: ignore[no-untyped-def]
     """f and df/dλ of the law of that number with its constants; vectors of lanes, or numbers beside such."""
     if kind == EXPONENTIAL:
@@ -108,7 +108,7 @@ def respond(kind, stretch, first, second):  # type: ignore[no-untyped-def]
     return _buckling(stretch, first, second)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def energy(kind, stretch, first, second):  # type: ignore[no-untyped-def]
     """w of the law of that number, as `respond`."""
     if kind == EXPONENTIAL:
@@ -116,7 +116,7 @@ def energy(kind, stretch, first, second):  # type: ignore[no-untyped-def]
     return _buckling_energy(stretch, first, second)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _evaluate(kind: int, stretch: Array, first: Array, second: Array, result: Array, with_energy: bool) -> None:
     """Fill `result`, (n, 3, lanes), with f, df/dλ and, if asked for, w at stretches and constants (n, lanes)."""
     for m in range(len(stretch)):

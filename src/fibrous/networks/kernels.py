@@ -12,9 +12,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fibrous.compiled import njit
 from fibrous.networks.fiber_law import FIRST, SECOND, SECTION, Fibers, energy, respond
 from fibrous.networks.lanes import LANES, choose, least, load, magnitude, spread, square_root, store
 
@@ -42,7 +42,7 @@ class Topology(NamedTuple):
     rows: NDArray[np.int32]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def pull(
     topology: Topology,
     fibers: Fibers,
@@ -92,7 +92,7 @@ def pull(
     store(sums, (1,), forces)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def homogenize(topology: Topology, fibers: Fibers, d: Array, stiffness: Array, sums: Array) -> None:
     """Fill `sums`, (19, lanes), with W, the nine of P = Σ f ⊗ D and the nine of h = Σ l n ⊗ n / Σ l."""
     kind, rest_lengths, constants = fibers
@@ -119,7 +119,7 @@ def homogenize(topology: Topology, fibers: Fibers, d: Array, stiffness: Array, s
         store(sums, (p,), load(sums, (p,)) / lengths)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def stored_energy(topology: Topology, fibers: Fibers, F: Array, u: Array, lane: int) -> float:
     """Energy of one lane at F, (3, 3, lanes), and u, (≥ n + 1, 3, lanes): eight of its fibres at a time."""
     kind, rest_lengths, constants = fibers
@@ -147,7 +147,7 @@ def stored_energy(topology: Topology, fibers: Fibers, F: Array, u: Array, lane: 
     return total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def spread_lane(lane: int, source: Array, target: Array) -> None:
     """Fill all lanes of `target`, (n, m, lanes), with one lane of `source`, (≥ n, m, lanes)."""
     for a in range(len(target)):
@@ -155,7 +155,7 @@ def spread_lane(lane: int, source: Array, target: Array) -> None:
             store(target, (a, i), source[a, i, lane])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def soften(d: Array, stiffness: Array, fraction: Array, softened: Array) -> None:
     """Fill `softened`, (fibers, 2, lanes), with blocks that lack a fraction, (1, lanes), of negative tension.
 
@@ -171,7 +171,7 @@ def soften(d: Array, stiffness: Array, fraction: Array, softened: Array) -> None
         store(softened, (m, 1), load(stiffness, (m, 1)) + removed / square)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def assemble(topology: Topology, d: Array, stiffness: Array, blocks: Array) -> None:
     """Fill the blocks of the Hessians, (blocks, 9, lanes), of which the nodes' own are symmetric."""
     size = len(topology.starts) - 1
@@ -195,7 +195,7 @@ def assemble(topology: Topology, d: Array, stiffness: Array, blocks: Array) -> N
                     store(blocks, (pair, 3 * i + j), load(blocks, (pair, 3 * i + j)) - entry)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def couple(topology: Topology, d: Array, stiffness: Array, right: Array) -> None:
     """Fill `right`, (n, 3, 9, lanes), with −K_uF.
 
@@ -221,7 +221,7 @@ def couple(topology: Topology, d: Array, stiffness: Array, right: Array) -> None
                         store(right, (head, i, p), load(right, (head, i, p)) - pulled)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def couple_along(topology: Topology, d: Array, stiffness: Array, change: Array, right: Array, column: int) -> None:
     """Fill right[:, :, column], of (n, 3, m, lanes), with −K_uF : ΔF for a change of F, (3, 3, lanes)."""
     size = len(topology.starts) - 1
@@ -246,7 +246,7 @@ def couple_along(topology: Topology, d: Array, stiffness: Array, change: Array, 
                 store(right, (head, i, column), load(right, (head, i, column)) - pulled)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def condense(topology: Topology, d: Array, stiffness: Array, G: Single, P: Array, A: Array) -> None:
     """Fill P = Σ f ⊗ D, (3, 3, lanes), and A = Σ wᵀ B w, (9, 9, lanes), with w = ∂d/∂F = δ D + G_head − G_tail.
 
@@ -281,7 +281,7 @@ def condense(topology: Topology, d: Array, stiffness: Array, G: Single, P: Array
             store(A, (p, q), load(A, (q, p)))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def dot(size: int, one: Array, other: Array, total: Array) -> None:
     """Fill `total`, (1, lanes), with the products of two fields of the first nodes, both (≥ size, 3, lanes)."""
     sum_ = spread(0.0)
@@ -291,7 +291,7 @@ def dot(size: int, one: Array, other: Array, total: Array) -> None:
     store(total, (0,), sum_)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def begin_step(
     residual: Array,
     right: Array,
@@ -324,7 +324,7 @@ def begin_step(
     store(slope, (0,), choose(moving, 0.5, load(slope, (0,)), slopes))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def predict(size: int, F: Array, from_F: Array, from_u: Array, from_G: Single, u: Array) -> None:
     """Fill u, (≥ n + 1, 3, lanes), with the tangent's u + ∂u/∂F : ΔF at F, (3, 3, lanes)."""
     u[:] = 0.0
@@ -337,7 +337,7 @@ def predict(size: int, F: Array, from_F: Array, from_u: Array, from_G: Single, u
             store(u, (a, i), moved)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def add_bend(size: int, F: Array, from_F: Array, increment: Array, bend: Single, u: Array) -> None:
     """Add to u the second and third order of the path that led to `from_F` by `increment`, (3, 3, lanes).
 
@@ -360,7 +360,7 @@ def add_bend(size: int, F: Array, from_F: Array, increment: Array, bend: Single,
             store(u, (a, i), load(u, (a, i)) + further)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def find_bend(
     size: int, F: Array, u: Array, G: Single, from_F: Array, from_u: Array, from_G: Single, bend: Single
 ) -> None:

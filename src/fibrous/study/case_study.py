@@ -17,7 +17,8 @@ from fibrous.errors import DatasetError, naming
 from fibrous.material_point import COMPONENTS, along_path, stress_errors
 from fibrous.materials.affine_fibers import AffineFibers
 from fibrous.materials.contract import Material
-from fibrous.study.fit_tables import ALL, SINGLE, TENSOR_COLUMNS, fiber_law_of, fits_of, structure_tensors
+from fibrous.materials.hgo import law_called
+from fibrous.study.fit_tables import ALL, SINGLE, TENSOR_COLUMNS, fits_of, structure_tensors
 from fibrous.study.loading import fiber_law, scale_of, unpacked
 
 NETWORK = "network"  # in the column `model`
@@ -117,7 +118,7 @@ def _row(
 def _fitted(row: pd.DataFrame, entry: Mapping[str, Any], constants: str, tension_only: bool) -> _Model:
     fit = row.to_dict("records")[0]
     C2, C3 = fit["C2_MPa"], fit["C3"]
-    material = fiber_law_of(entry["law"], structure_tensors(row)[0], C2, C3, tension_only)
+    material = law_called(entry["law"]).of_structure_tensor(structure_tensors(row)[0], C2, C3, tension_only)
     about = {"model": entry["name"], "constants": constants, "law": entry["law"], "energy": entry["energy"]}
     return _Model({**about, "objective": fit["objective"], "C2_MPa": C2, "C3": C3}, material, fit["r_squared"])
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from fibrous.deformation import Load, averaged_stretch, largest_principal_stretch
 from fibrous.errors import LoadError
+from fibrous.materials.hgo import LAWS
 from fibrous.study import plan
 from fibrous.study.plan import (
     CASE_PATH,
@@ -21,10 +22,11 @@ from fibrous.study.plan import (
     SURVEY_NETWORKS,
     Config,
 )
-from fibrous.study.variants import FACTORS, FITTED_PROTOCOL, Variant, varied
+from fibrous.study.variants import FITTED_PROTOCOL, Variant, factors, varied
 
 SURFACE_TERMS = 9
 RESERVED = ("specimen", "table", "comparison")  # names of files beside those of the runs
+CLAIMED_LOADS = {"x_uniaxial", "xy_biaxial", "xz_biaxial"}  # by which the statements about network 3 are judged
 LARGEST_EXPONENT = 350.0  # exp of it, and the square of that, are finite in double precision
 # A Delaunay network needs some ten nodes in the cube before its alignment means anything.
 LEAST_FIBER_LENGTH = 40.0
@@ -36,13 +38,13 @@ def contradictions(config: Config) -> Iterator[str]:
     yield from _repeated(config)
     yield from _files(config)
     yield from _cube(config)
-    if config["network"] == "delaunay":
+    if not plan.own_networks(config):
         yield from _alignments(config)
         yield from _ensemble(config)
     yield from _loads(config)
     yield from _load_sets(config)
     yield from _specimen(config)
-    if config["network"] == "delaunay":
+    if not plan.own_networks(config):
         yield from _tissue(config)
         yield from _microstructure(config)
         yield from _claims(config)
@@ -60,9 +62,9 @@ def _repeated(config: Config) -> Iterator[str]:
 
 def _files(config: Config) -> Iterator[str]:
     entries = config["network_files"]
-    if config["network"] == "file" and not entries:
+    if plan.own_networks(config) and not entries:
         yield "network_files is empty, must name your networks for network: file"
-    if config["network"] != "file" and entries:
+    if not plan.own_networks(config) and entries:
         yield "network_files names files, but network is delaunay; write network: file or leave the list empty"
     for i, entry in enumerate(entries):
         given = set(entry) - {"name"}
@@ -79,12 +81,12 @@ def _cube(config: Config) -> Iterator[str]:
         yield f"fiber.radius_um is {fiber['radius_um']:g}, must be less than half of cube.edge_length_um"
         return
     length = cube["volume_fraction"] * cube["edge_length_um"] ** 2 / (math.pi * fiber["radius_um"] ** 2)
-    if config["network"] == "delaunay" and length < LEAST_FIBER_LENGTH:
+    if not plan.own_networks(config) and length < LEAST_FIBER_LENGTH:
         yield (
             f"cube.volume_fraction is {cube['volume_fraction']:g}, which with this radius and edge leaves {length:.3g} "
             f"edge lengths of fiber in the cube, must be at least {LEAST_FIBER_LENGTH:g}: enlarge cube.edge_length_um"
         )
-    if config["network"] == "delaunay" and length > LARGEST_FIBER_LENGTH:
+    if not plan.own_networks(config) and length > LARGEST_FIBER_LENGTH:
         yield (
             f"cube.edge_length_um is {cube['edge_length_um']:g}, which with this radius and volume fraction puts "
             f"{length:.3g} edge lengths of fiber into the cube, must be at most {LARGEST_FIBER_LENGTH:g}"
@@ -140,16 +142,17 @@ def _loads(config: Config) -> Iterator[str]:
             yield f"protocols[{i}].name is {protocol['name']}, must not begin with {REFIT}, as those of the refits do"
         names = [entry["load"] for entry in protocol["loads"]]
         followed = not all({"magnitude", "deformation_gradient"} & set(entry) for entry in protocol["loads"][1:])
+        leads = followed or protocol["name"] in FIGURE_PROTOCOLS
         for j, entry in enumerate(protocol["loads"]):
             path = f"protocols[{i}].loads[{j}]"
             if entry["load"] in names[:j]:
                 yield f"{path}.load is {entry['load']}, which the protocol has already"
-            yield from _load(config, entry, path, first=j == 0, followed=followed)
+            yield from _load(config, entry, path, first=j == 0, leads=leads)
 
 
 def _wanted_protocols(config: Config) -> Iterator[str]:
     """Protocols that tables and figures need, with the ensembles that they must load."""
-    if config["network"] == "file":
+    if plan.own_networks(config):
         return
     ensembles = {entry["name"]: entry["ensembles"] for entry in config["protocols"]}
     wanted = [(name, ensemble, "the figures draw") for name in FIGURE_PROTOCOLS for ensemble in ("delaunay", "named")]
@@ -163,13 +166,17 @@ def _wanted_protocols(config: Config) -> Iterator[str]:
     for entry in config["protocols"]:
         if entry["name"] == CASE_PATH and CASE_PATH not in plan.loads(entry):
             yield f"protocols: {CASE_PATH} lacks a load of that name, with Eq. 9's deformation_gradient"
+        if entry["name"] == CASE_PATH and (others := sorted(plan.loads(entry) - {CASE_PATH})):
+            yield f"protocols: {CASE_PATH} has {others[0]}, must have the load of that name alone: Figure 8 draws one"
 
 
-def _load(config: Config, entry: Config, path: str, first: bool, followed: bool) -> Iterator[str]:
-    """What is wrong with a load; `followed` where others of its protocol end where the first one does."""
+def _load(config: Config, entry: Config, path: str, first: bool, leads: bool) -> Iterator[str]:
+    """What is wrong with a load; `leads` where the first of its protocol says how far others go or are compared."""
     gradient, said = None, f"{path}.deformation_gradient"
     if "deformation_gradient" in entry:
         gradient = np.array(entry["deformation_gradient"])
+        if Load.kind_of(entry["load"]) is not None:
+            yield f"{path}.load is {entry['load']}, whose deformation gradient is known: give yours another name"
         if "magnitude" in entry:
             yield f"{path} has a magnitude and a deformation_gradient, must have one of them"
         if not np.linalg.det(gradient) > 0:
@@ -196,13 +203,13 @@ def _load(config: Config, entry: Config, path: str, first: bool, followed: bool)
         yield f"{said}, which deforms nothing"
     elif stretch > limit:
         yield f"{said}, a principal stretch of {stretch:.4g}, must stay within principal_stretch_limit = {limit:g}"
-    elif first and followed:
+    elif first and leads:
         yield from _unstretched(config, gradient, said)
 
 
 def _unstretched(config: Config, gradient: Any, said: str) -> Iterator[str]:
     """λ_f² = H:C is linear in H, so the corners of the region of alignments speak for all of it."""
-    if config["network"] == "file":
+    if plan.own_networks(config):
         return
     smallest = config["delaunay"]["smallest_H"]
     corners = [(H11, H22) for H11 in config["delaunay"]["H11"] for H22 in (smallest, 1 - H11 - smallest)]
@@ -212,7 +219,7 @@ def _unstretched(config: Config, gradient: Any, said: str) -> Iterator[str]:
         if stretch <= 1:
             yield (
                 f"{said}, which gives a network of H = ({H11:.3g}, {H22:.3g}, {1 - H11 - H22:.3g}) the averaged "
-                f"stretch {stretch:.4g}; must exceed 1 for every network, or no other load can reach it"
+                f"stretch {stretch:.4g}; must exceed 1 for every network: other loads end, or are compared, there"
             )
             return
 
@@ -228,17 +235,17 @@ def _load_sets(config: Config) -> Iterator[str]:
                 yield f"{path} is {load}, which no protocol has"
                 continue
             for name in FIGURE_PROTOCOLS:
-                if config["network"] == "delaunay" and load not in available.get(name, {load}):
+                if not plan.own_networks(config) and load not in available.get(name, {load}):
                     yield f"{path} is {load}, which protocol {name} lacks, so that Table 1 cannot be made"
 
 
 def _specimen(config: Config) -> Iterator[str]:
     files, slab = config["specimen_files"], config["synthetic_specimen"]
-    if config["network"] == "file" and config["specimen"] == "file":
+    if plan.own_networks(config) and plan.own_specimen(config):
         yield "specimen is file, which says nothing with network: file: networks of your own have no tissue around them"
-    if config["specimen"] == "synthetic" and files:
+    if not plan.own_specimen(config) and files:
         yield "specimen_files names files, but specimen is synthetic; write specimen: file or leave them out"
-    if config["specimen"] == "file":
+    if plan.own_specimen(config):
         for key in ("mesh", "motion", "fibers"):
             if key not in files:
                 yield f"specimen_files.{key} is missing, must name a file for specimen: file"
@@ -299,7 +306,7 @@ def _surface_range(config: Config) -> Iterator[str]:
     least, largest = config["delaunay"]["H11"]
     smallest = config["delaunay"]["smallest_H"]
     remedy = f"leave {', '.join(models)} out of tissue.models, or widen delaunay"
-    if config["specimen"] == "synthetic":
+    if not plan.own_specimen(config):
         aligned, (thin, wide) = config["synthetic_specimen"]["H11"], config["synthetic_specimen"]["in_plane_share"]
         across = (1 - aligned[1]) * min(thin, 1 - wide)
         if aligned[0] < least or aligned[1] > largest or across < smallest:
@@ -324,7 +331,7 @@ def _microstructure(config: Config) -> Iterator[str]:
         if name not in names:
             yield f"microstructure.runs[{i}] is {name}, must be one of {', '.join(names)}"
     for i, element in enumerate(config["microstructure"]["elements"]):
-        if config["specimen"] == "synthetic" and element >= elements:
+        if not plan.own_specimen(config) and element >= elements:
             yield f"microstructure.elements[{i}] is {element}, must be less than the specimen's {elements} elements"
 
 
@@ -332,7 +339,7 @@ def _claims(config: Config) -> Iterator[str]:
     """Loads without which statements about network 3 cannot be judged."""
     large = FIGURE_PROTOCOLS[0]
     for entry in config["protocols"]:
-        for load in sorted({"xy_biaxial", "xz_biaxial"} - plan.loads(entry)) if entry["name"] == large else ():
+        for load in sorted(CLAIMED_LOADS - plan.loads(entry)) if entry["name"] == large else ():
             yield f"protocols: {large} lacks {load}, which the claims need"
 
 
@@ -344,12 +351,10 @@ def _sensitivity(config: Config) -> Iterator[str]:
             yield f"sensitivity.networks[{i}] is {name}, must be one of {', '.join(names)}"
         if name in part["networks"][:i]:
             yield f"sensitivity.networks[{i}] is {name}, which the list has already"
-    protocol = next((entry for entry in config["protocols"] if entry["name"] == FITTED_PROTOCOL), None)
-    if protocol is None or "magnitude" not in protocol["loads"][0]:
-        yield f"protocols: {FITTED_PROTOCOL} lacks a first load with a magnitude, which sensitivity.amplitude varies"
+    if FITTED_PROTOCOL not in plan.protocols(config):
         return
     known = {*_cube(config), *_loads(config)}
-    for factor in FACTORS:
+    for factor in factors(config):
         variants = [Variant(factor, value) for value in part[factor]]
         for i, variant in enumerate(variants):
             path = f"sensitivity.{factor}[{i}] is {variant.value:g}"
@@ -364,7 +369,7 @@ def _sensitivity(config: Config) -> Iterator[str]:
 def _model(config: Config, model: Config, path: str) -> Iterator[str]:
     """Keys that a model needs, and those that say nothing in it."""
     needed = set()
-    if model["law"] in ("families", "structure_tensor"):
+    if model["law"] in LAWS:
         needed = {"constants"}
         if model.get("constants") == "fit":
             needed |= {"energy", "objective"}
@@ -378,7 +383,7 @@ def _model(config: Config, model: Config, path: str) -> Iterator[str]:
     for key in sorted(extra - {"refit"} if not model.get("refit") else extra):
         yield f"{path}.{key} says nothing about {model['name']}: leave it out"
     steps, wanted = config["synthetic_specimen"]["load_steps"], model.get("load_steps", 1)
-    if config["specimen"] == "synthetic" and steps % wanted:
+    if not plan.own_specimen(config) and steps % wanted:
         yield f"{path}.load_steps is {wanted}, must divide synthetic_specimen.load_steps = {steps}"
     surface = config["tissue"]["surface_protocol"]
     if model.get("constants") == "surface" and surface not in plan.compared_protocols(config):

@@ -1,4 +1,4 @@
-"""Rule `febio`: the problem of one run as an input file of FEBio 4, to compare its log node by node."""
+"""Rule `write_febio_model`: the problem of one run as an input file of FEBio 4, to compare its log node by node."""
 
 from __future__ import annotations
 

@@ -1,12 +1,9 @@
-"""How tables of fits are written and read: their groups, their columns for H, and the law that a row stands for."""
+"""How tables of fits are written and read: their groups, and their columns for H."""
 
 from __future__ import annotations
 
 import numpy as np
 import pandas as pd
-
-from fibrous.materials.contract import Material
-from fibrous.materials.hgo import HGOFamilies, HGOStructureTensor
 
 SINGLE = "single"  # load set of a fit to one load
 ALL = "all"  # deformation of a fit to all loads of a load set
@@ -32,12 +29,3 @@ def structure_tensors(table: pd.DataFrame) -> np.ndarray:
     for column, (i, j) in TENSOR_COLUMNS.items():
         tensors[:, i, j] = tensors[:, j, i] = table[column]
     return tensors
-
-
-def fiber_law_of(
-    law: str, structure_tensor: np.ndarray, C2: np.ndarray, C3: np.ndarray, tension_only: bool
-) -> Material:
-    """The law called `families` (Eq. 10C) or `structure_tensor` (Eq. 2); raises MaterialError for its constants."""
-    if law == "families":
-        return HGOFamilies.of_structure_tensor(structure_tensor, C2, C3, tension_only)
-    return HGOStructureTensor(C2, C3, structure_tensor, tension_only)

@@ -1,4 +1,6 @@
-"""Rule `fits`: (C2, C3) of every network of an ensemble under one protocol, for each load set and each load alone.
+"""Rules `fit_networks` and `refit_networks`: (C2, C3) of every network of an ensemble.
+
+Under one protocol, for each load set and each load alone.
 
 A form is a law and what of it is fitted, `{"energy": …, "objective": …}` (see fibrous.fitting.hgo.fit_constants).
 """

@@ -1,4 +1,4 @@
-"""Rule `lagged`: a run of the tissue whose constants are fitted anew at every load step for the next (Fig. 4b)."""
+"""Rule `deform_tissue_with_lagged_constants`: a run that fits its constants anew at every load step (Fig. 4b)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ from fibrous.study.solutions import (
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
     """Read `specimen`, the initial `fits` and the `networks`; write `tissue` and `vtu`.
 
-    Raises ConvergenceError as the rule `tissue` does, DatasetError where an element has no network or no constants.
+    Raises ConvergenceError as the rule `deform_tissue` does, DatasetError where an element has no network or no
+    constants.
     """
     config = params["config"]
     model, matrix = config["model"], config["matrix"]

@@ -1,4 +1,4 @@
-"""Rule `multiscale`: the tissue with a discrete network in equilibrium at every Gauss point (sections 2.7 and 3.4)."""
+"""Rule `deform_tissue_with_networks`: a discrete network in equilibrium at every Gauss point (2.7, 3.4)."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     """Read `specimen` and `networks`; write `tissue` and `vtu`. ``params["threads"]`` elements are worked on at a time.
 
     After every load step a checkpoint is kept beside `tissue`; it is removed in the end. Raises ConvergenceError as the
-    rule `tissue` does, DatasetError where an element has no network.
+    rule `deform_tissue` does, DatasetError where an element has no network.
     """
     config = params["config"]
     specimen, numbers = read_specimen(inputs["specimen"][0])

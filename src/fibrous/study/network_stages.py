@@ -21,7 +21,7 @@ def contents(paths: list[str]) -> list[str]:
 
 def once(config: Config) -> list[dict[str, str]]:
     """One instance, unless the networks are a user's own."""
-    return [] if config["network"] == "file" else [{}]
+    return [] if plan.own_networks(config) else [{}]
 
 
 def figure(
@@ -45,8 +45,8 @@ def figure(
 def fits_config(config: Config, name: str, load_sets: list[Config], forms: list[dict[str, str]]) -> dict[str, Any]:
     """The part of the config on which fits depend."""
     # The fit of Eq. 2 is the same with and without the switch.
-    of_families = any(form["energy"] == "families" for form in forms)
-    tension_only = config["tissue"]["tension_only"] if of_families else True
+    of_others = any(form["energy"] != plan.EQ_2["energy"] for form in forms)
+    tension_only = config["tissue"]["tension_only"] if of_others else True
     return {
         "protocol": name,
         "load_sets": load_sets,
@@ -168,7 +168,7 @@ NETWORK_STAGES: dict[str, Stage] = {
         instances=lambda config: [
             {"ensemble": "named", "network": FIGURE_NETWORK, "protocol": name}
             for name in FIGURE_PROTOCOLS
-            if config["network"] != "file"
+            if not plan.own_networks(config)
         ],
     ),
     "fits": Stage(

@@ -1,4 +1,4 @@
-"""Rule `networks`: the networks of one batch of an ensemble, generated or read from the user's files."""
+"""Rule `make_networks`: the networks of one batch of an ensemble, generated or read from the user's files."""
 
 from __future__ import annotations
 

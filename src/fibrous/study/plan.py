@@ -12,6 +12,7 @@ from typing import Any
 
 import pandas as pd
 
+from fibrous.errors import ConfigError
 from fibrous.specimen import SYNTHETIC
 
 Config = Mapping[str, Any]
@@ -56,9 +57,30 @@ class Run:
     source: str = ""
 
 
+def own_networks(config: Config) -> bool:
+    """Whether the networks are a user's own. Raises ConfigError for a kind that nobody knows."""
+    return _is_second(config["network"], "network", "delaunay", "file")
+
+
+def own_specimen(config: Config) -> bool:
+    """Whether the specimen is a user's own. Raises ConfigError likewise."""
+    return _is_second(config["specimen"], "specimen", "synthetic", "file")
+
+
+def has_lagged_constants(config: Config) -> bool:
+    """Whether constants are fitted anew after each load step, not between runs. Raises ConfigError likewise."""
+    return _is_second(config["tissue"]["update"], "tissue.update", "rounds", "lagged")
+
+
+def _is_second(value: str, key: str, first: str, second: str) -> bool:
+    if value not in (first, second):
+        raise ConfigError(f"{key} is '{value}', must be {first} or {second}")
+    return value == second
+
+
 def ensembles(config: Config) -> list[str]:
     """Ensembles of the study: the 750, the named networks, replicates of these, the tissue's; or the user's own."""
-    return ["file"] if config["network"] == "file" else ["delaunay", "named", "replicates", "tissue"]
+    return ["file"] if own_networks(config) else ["delaunay", "named", "replicates", "tissue"]
 
 
 def protocols(config: Config) -> list[str]:
@@ -78,7 +100,7 @@ def loads(entry: Config) -> set[str]:
 
 def loaded_ensembles(config: Config, entry: Config) -> list[str]:
     """Ensembles that a protocol loads: those it names, or the user's networks, which take every protocol."""
-    return ["file"] if config["network"] == "file" else list(entry["ensembles"])
+    return ["file"] if own_networks(config) else list(entry["ensembles"])
 
 
 def compared_protocols(config: Config) -> list[str]:
@@ -103,7 +125,7 @@ def parts(config: Config, ensemble: str) -> int:
 
 def element_count(config: Config) -> int:
     """Elements of the specimen; of a user's own the rows of its table of fibres, 0 where that cannot be read."""
-    if config["specimen"] == "synthetic":
+    if not own_specimen(config):
         return math.prod(config["synthetic_specimen"]["elements"])
     return len(fiber_eigenvalues(config))
 
@@ -124,7 +146,7 @@ def _eigenvalues(path: Path, _: int) -> list[list[float]]:
 
 def origin(config: Config) -> str:
     """Where the tissue comes from, in a few words."""
-    return SYNTHETIC if config["specimen"] == "synthetic" else f"mesh of {config['specimen_files']['mesh']}"
+    return f"mesh of {config['specimen_files']['mesh']}" if own_specimen(config) else SYNTHETIC
 
 
 def batches(config: Config, ensemble: str) -> list[str]:
@@ -144,11 +166,11 @@ def runs(config: Config) -> list[Run]:
     >>> [(run.name, run.source) for run in runs({"network": "delaunay", "tissue": two})]
     [('a', ''), ('a_refit', 'a'), ('a_refit_2', 'a_refit')]
     """
-    if config["network"] == "file":
+    if own_networks(config):
         return []
     tissue, found = config["tissue"], []
     # With lagged constants the rounds are iterations of the last step, inside one run.
-    rounds = tissue["refit_rounds"] if tissue["update"] == "rounds" else 1
+    rounds = 1 if has_lagged_constants(config) else tissue["refit_rounds"]
     for model in tissue["models"]:
         run = Run(model["name"], model)
         found.append(run)
@@ -161,7 +183,7 @@ def runs(config: Config) -> list[Run]:
 def reference_run(config: Config) -> str:
     """The run against which all others are judged: the first with networks at every load step; empty without one."""
     # A user's own motion says itself how many steps it has.
-    steps = config["synthetic_specimen"]["load_steps"] if config["specimen"] == "synthetic" else None
+    steps = None if own_specimen(config) else config["synthetic_specimen"]["load_steps"]
     found = (run for run in runs(config) if run.model["law"] == "network")
     return next((run.name for run in found if run.model.get("load_steps", steps) == steps), "")
 
@@ -173,7 +195,7 @@ def run_called(config: Config, name: str) -> Run:
 
 def is_lagged(config: Config, run: Run) -> bool:
     """Whether the run's constants are fitted anew at every load step (Fig. 4b) instead of between runs."""
-    return bool(run.refits) and config["tissue"]["update"] == "lagged"
+    return bool(run.refits) and has_lagged_constants(config)
 
 
 def drawn_runs(config: Config) -> list[str]:

@@ -1,4 +1,4 @@
-"""Rule `refit_curves`: a batch of networks along the deformations that a run of the tissue found (section 2.5)."""
+"""Rule `deform_networks_as_in_tissue`: a batch of networks along the deformations that a run found (2.5)."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from fibrous.study import plan
 from fibrous.study.batches import replicate_numbers, replicated
 from fibrous.study.network_stages import figure, once
 from fibrous.study.plan import CASE_PATH, Config, Stage, Wildcards
-from fibrous.study.variants import FACTORS, FITTED_PROTOCOL, own_value, variant_called, variants, varied
+from fibrous.study.variants import FACTORS, FITTED_PROTOCOL, factors, own_value, variant_called, variants, varied
 
 TRIALS = "results/sensitivity/{variant}.csv"
 
@@ -45,8 +45,10 @@ def _trial_config(config: Config, wildcards: Wildcards) -> dict[str, Any]:
 
 def _summary_config(config: Config) -> dict[str, Any]:
     # A list, since JSON with sorted keys would lose the order of a mapping.
-    factors = [{"name": name, "unit": unit, "own_value": own_value(config, name)} for name, unit in FACTORS.items()]
-    return {"factors": factors, "load_sets": config["load_sets"]}
+    varied_ones = [
+        {"name": name, "unit": unit, "own_value": own_value(config, name)} for name, unit in factors(config).items()
+    ]
+    return {"factors": varied_ones, "load_sets": config["load_sets"]}
 
 
 def _trials(config: Config) -> dict[str, list[str]]:

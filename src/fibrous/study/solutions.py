@@ -20,15 +20,15 @@ from fibrous.fe.fields import cauchy_stress
 from fibrous.fe.mesh import Mesh
 from fibrous.fe.solver import Attempt, LoadStepError, Solution
 from fibrous.materials.contract import Material
+from fibrous.materials.hgo import law_called
 from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.materials.timed import Timed
 from fibrous.specimen import FIXED, MOVED, Specimen
-from fibrous.study.fit_tables import ALL, LOAD, SINGLE, TENSOR_COLUMNS, fiber_law_of, fits_of, structure_tensors
+from fibrous.study.fit_tables import ALL, LOAD, SINGLE, TENSOR_COLUMNS, fits_of, structure_tensors
 from fibrous.vtu_files import vtu
 
 NETWORK_COUNTS = ("network_iterations", "network_cuts", "indefinite_hessians")
-LAWS_WITH_CONSTANTS = ("families", "structure_tensor")
 LAW = "fibre law"  # part of the CPU time of a run: stress and tangent of its fibres
 COLUMNS = ("network", "load_set", "deformation", "energy", "objective", "C2_MPa", "C3", *TENSOR_COLUMNS)
 
@@ -79,13 +79,18 @@ def fitted_constants(path: Path, networks: np.ndarray, model: Mapping[str, Any],
 def tissue_material(
     config: Mapping[str, Any], constants: Constants, clock: Clock, fibers: Material | None = None
 ) -> Material:
-    """The matrix of the config with its law's fibres (Eq. 10A), or with those given; `clock` counts these as LAW."""
-    matrix = NeoHookean(config["matrix"]["C1_MPa"], config["matrix"]["lame_lambda_MPa"])
-    # One value an element, the same at its Gauss points.
-    C2, C3, tensor = constants.C2[:, None], constants.C3[:, None], constants.structure_tensor[:, None]
-    if config["model"]["law"] in LAWS_WITH_CONSTANTS:
-        fibers = fiber_law_of(config["model"]["law"], tensor, C2, C3, config["tension_only"])
-    return matrix if fibers is None else Mixture((matrix, Timed(fibers, clock, LAW)))
+    """The matrix of the config with its law's fibres (Eq. 10A), or with those given; `clock` counts these as LAW.
+
+    Raises MaterialError for a law that is unknown, or for its constants.
+    """
+    law, matrix = config["model"]["law"], NeoHookean(config["matrix"]["C1_MPa"], config["matrix"]["lame_lambda_MPa"])
+    if law == "matrix":
+        return matrix
+    if fibers is None:
+        # One value an element, the same at its Gauss points.
+        C2, C3, tensor = constants.C2[:, None], constants.C3[:, None], constants.structure_tensor[:, None]
+        fibers = law_called(law).of_structure_tensor(tensor, C2, C3, config["tension_only"])
+    return Mixture((matrix, Timed(fibers, clock, LAW)))
 
 
 def tissue_dataset(

@@ -1,4 +1,4 @@
-"""Rule `stage_costs`: what every stage of the study cost, and what every target costs from an empty folder."""
+"""Rule `sum_up_costs`: what every stage of the study cost, and what every target costs from an empty folder."""
 
 from __future__ import annotations
 

@@ -85,7 +85,7 @@ class Params:
             own[SPECIMEN] = specimen
         if upstream:
             own["upstream"] = config_hash({"inputs": sorted(upstream)})
-            if self.config["network"] != "file":
+            if not plan.own_networks(self.config):
                 own["seed"] = self.config["seed"]  # of the networks that the files come from
         return {"stage": module, "config": own, "code_hash": code_hash(module)}
 

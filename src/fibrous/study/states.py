@@ -1,4 +1,4 @@
-"""Rule `states`: node positions and fibre stretches of one network at every step, for the figures that draw it."""
+"""Rule `record_states`: node positions and fibre stretches of one network at every step, for figures."""
 
 from __future__ import annotations
 

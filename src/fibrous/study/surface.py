@@ -1,4 +1,4 @@
-"""Rule `surface`: Eq. 11 over the fitted networks, beside Table 1, and what both surfaces do over the triangle."""
+"""Rule `table_1`: Eq. 11 over the fitted networks, beside Table 1, and what both surfaces do over the triangle."""
 
 from __future__ import annotations
 

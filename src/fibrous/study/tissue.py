@@ -1,4 +1,4 @@
-"""Rule `tissue`: one finite element run of the specimen, with a law of the fibres and constants of each element."""
+"""Rule `deform_tissue`: one finite element run of the specimen, with a law of the fibres and its constants."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from fibrous import datasets
 from fibrous.clock import Clock
-from fibrous.errors import DatasetError, naming
+from fibrous.errors import ConfigError, DatasetError, naming
 from fibrous.fe.solver import LoadStepError, LoadStepper
 from fibrous.materials.affine_fibers import AffineFibers
 from fibrous.materials.contract import Material
@@ -59,8 +59,11 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
 def _constants(
     inputs: Mapping[str, list[Path]], config: Mapping[str, Any], specimen: Specimen, networks: np.ndarray
 ) -> Constants:
-    model, nothing = config["model"], np.full(len(networks), np.nan)
+    model = config["model"]
     match model.get("constants"):
+        case None:
+            nothing = np.full(len(networks), np.nan)
+            return Constants(nothing, nothing, specimen.structure_tensor)
         case "fit":
             return fitted_constants(inputs["fits"][0], networks, model, config.get("load_set"))
         case "surface":
@@ -74,7 +77,8 @@ def _constants(
                     found.append(predictor.at(np.diag(values)))
             C2, C3 = (np.maximum([getattr(one, name) for one in found], 0.0) for name in ("C2_MPa", "C3"))
             return Constants(C2, C3, specimen.structure_tensor)
-    return Constants(nothing, nothing, specimen.structure_tensor)
+        case unknown:
+            raise ConfigError(f"constants is '{unknown}', must be fit or surface")
 
 
 def _affine(paths: list[Path], wanted: np.ndarray) -> Material:

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from typing import Any
 
+from fibrous.materials.hgo import LAWS
 from fibrous.study import plan
 from fibrous.study.network_stages import SPECIMEN, contents, curves_of, figure, fits_config, once
 from fibrous.study.plan import CASE_PATH, CASE_PROTOCOL, FIGURE_NETWORK, REFIT, Config, Run, Stage, Wildcards
 
 
 def _specimen_files(config: Config) -> dict[str, list[str]]:
-    if config["specimen"] == "synthetic":
+    if not plan.own_specimen(config):
         return {}
     return {key: [path] for key, path in config["specimen_files"].items()}
 
 
 def _specimen_config(config: Config) -> dict[str, Any]:
-    if config["specimen"] == "synthetic":
+    if not plan.own_specimen(config):
         return {"seed": config["seed"], "synthetic_specimen": config["synthetic_specimen"]}
     files = config["specimen_files"]
     return {"specimen_files": files, "contents": contents(list(files.values()))}
@@ -67,7 +68,7 @@ def _tissue_config(config: Config, wildcards: Wildcards) -> dict[str, Any]:
     run, tissue = plan.run_called(config, wildcards["run"]), config["tissue"]
     part = {"run": run.name, "model": run.model, "refits": run.refits, "matrix": config["matrix"]}
     part["linear_solver"] = tissue["linear_solver"]
-    if run.model["law"] in ("families", "structure_tensor"):
+    if run.model["law"] in LAWS:
         part["tension_only"] = tissue["tension_only"]
     match run.model.get("constants"):
         case "fit" if not run.refits:
@@ -95,7 +96,7 @@ def _lagged_config(config: Config, wildcards: Wildcards) -> dict[str, Any]:
 
 def _in_febio(config: Config) -> list[Run]:
     """Runs whose problem FEBio can be given: families that carry tension alone, with constants that never change."""
-    if config["network"] == "file" or not config["tissue"]["tension_only"]:
+    if plan.own_networks(config) or not config["tissue"]["tension_only"]:
         return []
     return [run for run in _runs(config, lagged=False) if run.model["law"] == "families"]
 

@@ -6,6 +6,7 @@ import copy
 from dataclasses import dataclass
 from typing import Any
 
+from fibrous.errors import ConfigError
 from fibrous.study import plan
 from fibrous.study.plan import FIGURE_PROTOCOLS, Config
 
@@ -32,13 +33,19 @@ class Variant:
         return BASE if self.value is None else f"{self.factor}_{self.value:.6g}"
 
 
+def factors(config: Config) -> dict[str, str]:
+    """The factors that are varied, with their unit: no amplitude where the first load has a gradient of its own."""
+    first = plan.protocol(config, FITTED_PROTOCOL)["loads"][0]
+    return {factor: unit for factor, unit in FACTORS.items() if factor != "amplitude" or "magnitude" in first}
+
+
 def variants(config: Config) -> list[Variant]:
     """The base, then every value of every factor that is not the study's own; none of a user's networks."""
-    if config["network"] == "file":
+    if plan.own_networks(config):
         return []
     others = [
         Variant(factor, value)
-        for factor in FACTORS
+        for factor in factors(config)
         for value in config["sensitivity"][factor]
         if value != own_value(config, factor)
     ]
@@ -68,10 +75,12 @@ def varied(config: Config, variant: Variant) -> Config:
 def _place(config: Config, factor: str) -> tuple[Any, str]:
     """The mapping of the config that holds a factor, and its key there."""
     match factor:
+        case "edge_length_um" | "volume_fraction":
+            return config["cube"], factor
         case "nonlinearity":
             return config["fiber"], factor
         case "amplitude":
             return plan.protocol(config, FITTED_PROTOCOL)["loads"][0], "magnitude"
         case "steps":
             return plan.protocol(config, FITTED_PROTOCOL), factor
-    return config["cube"], factor
+    raise ConfigError(f"sensitivity: nothing varies '{factor}', must be one of {', '.join(FACTORS)}")
