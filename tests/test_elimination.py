@@ -5,7 +5,7 @@ import pytest
 from conftest import small_network
 from numba import njit
 
-from fibrous.networks.elimination import Elimination, factorize, solve
+from fibrous.networks.elimination import Elimination, factorize, factorize_reference, solve
 from fibrous.networks.lanes import (
     LANES,
     choose,
@@ -104,7 +104,7 @@ def test_factor_solves_all_systems(rng, edge_length_um):
     size, pairs = interior_pairs(edge_length_um)
     elimination, K = Elimination.of(size, pairs), matrices(rng, size, pairs)
     factor, slack, right = blocks_of(elimination, K), np.empty((1, LANES)), rng.normal(size=(size, 3, 2, LANES))
-    factorize(elimination.starts, elimination.rows, factor, 0.0, slack)
+    factorize(elimination.starts, elimination.rows, elimination.leaders, factor, 0.0, slack)
     assert (slack > 0.0).all()
     found = right.copy()
     solve(elimination.starts, elimination.rows, factor, found)
@@ -114,6 +114,25 @@ def test_factor_solves_all_systems(rng, edge_length_um):
         np.testing.assert_allclose(found[..., q].reshape(3 * size, 2), expected, atol=1e-10 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize("edge_length_um", [6.0, 12.0])
+def test_factor_is_the_references(rng, edge_length_um):
+    size, pairs = interior_pairs(edge_length_um)
+    elimination, K = Elimination.of(size, pairs), matrices(rng, size, pairs)
+    blocks, slack = blocks_of(elimination, K), np.empty((1, LANES))
+    expected = [
+        factorize_reference(elimination.starts, elimination.rows, blocks[..., q].reshape(-1, 3, 3))
+        for q in range(LANES)
+    ]
+    factorize(elimination.starts, elimination.rows, elimination.leaders, blocks, 0.0, slack)
+    found = np.moveaxis(blocks, -1, 0).reshape(LANES, -1, 3, 3)
+    own = np.isin(np.arange(len(elimination.rows)), elimination.starts[:-1])
+    np.testing.assert_allclose(found[:, ~own], np.array(expected)[:, ~own], atol=1e-12)
+    for entry in np.ndindex(3, 3):
+        if entry[0] >= entry[1]:
+            here, there = found[:, own][..., *entry], np.array(expected)[:, own][..., *entry]
+            np.testing.assert_allclose(1.0 / here if entry[0] == entry[1] else here, there, atol=1e-12)
+
+
 def test_a_matrix_that_is_not_definite_is_told_and_harms_no_other(rng):
     size, pairs = interior_pairs(8.0)
     elimination, K = Elimination.of(size, pairs), matrices(rng, size, pairs)
@@ -121,8 +140,8 @@ def test_a_matrix_that_is_not_definite_is_told_and_harms_no_other(rng):
     least_eigenvalue = np.linalg.eigvalsh(K[3].reshape(3 * size, -1))[0]
     K[3] -= 1.01 * least_eigenvalue * np.eye(3 * size).reshape(size, 3, size, 3)
     bad = blocks_of(elimination, K)
-    factorize(elimination.starts, elimination.rows, good, 0.0, untouched)
-    factorize(elimination.starts, elimination.rows, bad, 0.0, slack)
+    factorize(elimination.starts, elimination.rows, elimination.leaders, good, 0.0, untouched)
+    factorize(elimination.starts, elimination.rows, elimination.leaders, bad, 0.0, slack)
     np.testing.assert_array_equal(slack[0] > 0.0, np.arange(LANES) != 3)
     others = np.arange(LANES) != 3
     np.testing.assert_array_equal(bad[..., others], good[..., others])
@@ -136,7 +155,7 @@ def test_a_pivot_that_is_rounding_is_told(entries):
     blocks[0, entries] = 2.0 - 1e-14
     for least_pivot, definite in ((0.0, True), (1e-12, False)):
         factor = blocks.copy()
-        factorize(elimination.starts, elimination.rows, factor, least_pivot, slack)
+        factorize(elimination.starts, elimination.rows, elimination.leaders, factor, least_pivot, slack)
         assert (slack > 0.0).all() == definite
 
 

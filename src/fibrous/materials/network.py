@@ -192,10 +192,10 @@ class FiberNetworks:
             if still[e]:
                 rate[...] = before.rate[e]
             elif near is None:
-                engine.rates(rate)
+                engine.rates(rate, exact=not found.direct.all())
             elif not found.direct.all():
                 rate = rate.copy()
-                engine.rates(rate, ~found.direct)
+                engine.rates(rate, ~found.direct, exact=True)
                 guarded[e] = rate
             P[e], A[e] = engine.condense(rate)
 

@@ -32,11 +32,13 @@ class Elimination:
     order : number, among the interior nodes, of the node at each place of the order, shape (n,)
     starts : first block of each place's column, and their total, shape (n + 1,)
     rows : place of each block's row, shape (blocks,)
+    leaders : first of the columns in a row that have the same rows below them (a supernode), shape (n,)
     """
 
     order: NDArray[np.int64]
     starts: Index
     rows: Index
+    leaders: Index
 
     @classmethod
     def of(cls, size: int, pairs: NDArray[np.int64]) -> Self:
@@ -48,7 +50,7 @@ class Elimination:
         low, high = np.divmod(keys, max(size, 1))
         first = np.searchsorted(low, np.arange(size + 1))
         starts, rows = _filled(first, high)
-        return cls(order, starts, rows)
+        return cls(order, starts, rows, _leaders(starts, rows))
 
     def block(self, row: NDArray[np.int64], column: NDArray[np.int64]) -> Index:
         """Numbers of the blocks at (row, column) with row ≥ column, all of which exist."""
@@ -97,44 +99,97 @@ def _filled(first: NDArray[np.int64], neighbors: NDArray[np.int64]) -> tuple[Ind
     return starts, rows
 
 
+@njit()
+def _leaders(starts: Index, rows: Index) -> Index:
+    """A column goes with the one before if that has it for its first row below, and as many rows as it in all."""
+    leaders = np.arange(len(starts) - 1, dtype=np.int32)
+    for j in range(1, len(leaders)):
+        above = starts[j] - starts[j - 1]
+        if above == starts[j + 1] - starts[j] + 1 and rows[starts[j - 1] + 1] == j:
+            leaders[j] = leaders[j - 1]
+    return leaders
+
+
 @njit(nogil=True, error_model="numpy")
-def factorize(starts: Index, rows: Index, blocks: Array, least_pivot: float, slack: Array) -> None:
+def _give(rows: Index, place: Index, blocks: Array, first: int, count: int) -> None:
+    """Subtract L_b L_firstᵀ from the blocks at `place` for `count` blocks b of a column, from `first` on."""
+    w0, w1, w2 = load(blocks, (first, 0)), load(blocks, (first, 1)), load(blocks, (first, 2))
+    w3, w4, w5 = load(blocks, (first, 3)), load(blocks, (first, 4)), load(blocks, (first, 5))
+    w6, w7, w8 = load(blocks, (first, 6)), load(blocks, (first, 7)), load(blocks, (first, 8))
+    for b in range(first, first + count):
+        c = place[rows[b]]
+        for i in range(0, 9, 3):
+            x0, x1, x2 = load(blocks, (b, i)), load(blocks, (b, i + 1)), load(blocks, (b, i + 2))
+            store(blocks, (c, i), load(blocks, (c, i)) - x0 * w0 - x1 * w1 - x2 * w2)
+            store(blocks, (c, i + 1), load(blocks, (c, i + 1)) - x0 * w3 - x1 * w4 - x2 * w5)
+            store(blocks, (c, i + 2), load(blocks, (c, i + 2)) - x0 * w6 - x1 * w7 - x2 * w8)
+
+
+@njit(nogil=True, error_model="numpy")
+def _give_two(rows: Index, place: Index, blocks: Array, first: int, second: int, count: int) -> None:
+    """`_give` for two columns of a supernode at once: what receives is loaded and stored once."""
+    w0, w1, w2 = load(blocks, (first, 0)), load(blocks, (first, 1)), load(blocks, (first, 2))
+    w3, w4, w5 = load(blocks, (first, 3)), load(blocks, (first, 4)), load(blocks, (first, 5))
+    w6, w7, w8 = load(blocks, (first, 6)), load(blocks, (first, 7)), load(blocks, (first, 8))
+    v0, v1, v2 = load(blocks, (second, 0)), load(blocks, (second, 1)), load(blocks, (second, 2))
+    v3, v4, v5 = load(blocks, (second, 3)), load(blocks, (second, 4)), load(blocks, (second, 5))
+    v6, v7, v8 = load(blocks, (second, 6)), load(blocks, (second, 7)), load(blocks, (second, 8))
+    for m in range(count):
+        b, a = first + m, second + m
+        c = place[rows[b]]
+        for i in range(0, 9, 3):
+            x0, x1, x2 = load(blocks, (b, i)), load(blocks, (b, i + 1)), load(blocks, (b, i + 2))
+            y0, y1, y2 = load(blocks, (a, i)), load(blocks, (a, i + 1)), load(blocks, (a, i + 2))
+            z0 = load(blocks, (c, i)) - x0 * w0 - x1 * w1 - x2 * w2
+            z1 = load(blocks, (c, i + 1)) - x0 * w3 - x1 * w4 - x2 * w5
+            z2 = load(blocks, (c, i + 2)) - x0 * w6 - x1 * w7 - x2 * w8
+            store(blocks, (c, i), z0 - y0 * v0 - y1 * v1 - y2 * v2)
+            store(blocks, (c, i + 1), z1 - y0 * v3 - y1 * v4 - y2 * v5)
+            store(blocks, (c, i + 2), z2 - y0 * v6 - y1 * v7 - y2 * v8)
+
+
+@njit(nogil=True, error_model="numpy")
+def _give_all(starts: Index, rows: Index, place: Index, blocks: Array, leader: int, end: int, count: int) -> None:
+    """What the columns of a supernode from `leader` up to `end` subtract with the last `count` blocks of each."""
+    k = leader
+    while k + 1 < end:
+        _give_two(rows, place, blocks, starts[k + 1] - count, starts[k + 2] - count, count)
+        k += 2
+    if k < end:
+        _give(rows, place, blocks, starts[k + 1] - count, count)
+
+
+@njit(nogil=True, error_model="numpy")
+def factorize(starts: Index, rows: Index, leaders: Index, blocks: Array, least_pivot: float, slack: Array) -> None:
     """Cholesky factors in place of matrices, (blocks, 9, lanes); `slack`, (1, lanes), is above 0 where they exist.
 
-    They exist where every pivot is more than its share `least_pivot` of the diagonal element that it came from.
+    They exist where every pivot is more than its fraction `least_pivot` of the diagonal element that it came from.
+    `factorize_reference` says the same in NumPy, for one matrix.
     """
     size = len(starts) - 1
     place = np.empty(size, dtype=np.int32)
-    # Columns that still have something to give, chained by the next row they give to.
-    chain, following, given = np.full(size, -1), np.full(size, -1), np.empty(size, dtype=np.int32)
+    # Supernodes that still have something to give, chained by the next row they give to; how many blocks are left, and
+    # where a supernode ends.
+    chain, following = np.full(size, -1), np.full(size, -1)
+    left, ends = np.empty(size, dtype=np.int32), np.empty(size, dtype=np.int32)
     room = spread(np.inf)
     for j in range(size):
-        own = starts[j]
+        own, end, leader = starts[j], starts[j + 1], leaders[j]
         a00, a11, a22 = load(blocks, (own, 0)), load(blocks, (own, 4)), load(blocks, (own, 8))
         a00, a11, a22 = least_pivot * magnitude(a00), least_pivot * magnitude(a11), least_pivot * magnitude(a22)
-        for b in range(own, starts[j + 1]):
+        for b in range(own, end):
             place[rows[b]] = b
         k = chain[j]
         while k >= 0:
-            after = following[k]
-            first = given[k]
-            w0, w1, w2 = load(blocks, (first, 0)), load(blocks, (first, 1)), load(blocks, (first, 2))
-            w3, w4, w5 = load(blocks, (first, 3)), load(blocks, (first, 4)), load(blocks, (first, 5))
-            w6, w7, w8 = load(blocks, (first, 6)), load(blocks, (first, 7)), load(blocks, (first, 8))
-            end = starts[k + 1]
-            for b in range(first, end):
-                c = place[rows[b]]
-                for i in range(0, 9, 3):
-                    x0, x1, x2 = load(blocks, (b, i)), load(blocks, (b, i + 1)), load(blocks, (b, i + 2))
-                    store(blocks, (c, i), load(blocks, (c, i)) - x0 * w0 - x1 * w1 - x2 * w2)
-                    store(blocks, (c, i + 1), load(blocks, (c, i + 1)) - x0 * w3 - x1 * w4 - x2 * w5)
-                    store(blocks, (c, i + 2), load(blocks, (c, i + 2)) - x0 * w6 - x1 * w7 - x2 * w8)
-            if first + 1 < end:
-                given[k] = first + 1
-                row = rows[first + 1]
+            after, count = following[k], left[k]
+            _give_all(starts, rows, place, blocks, k, ends[k], count)
+            if count > 1:
+                left[k] = count - 1
+                row = rows[starts[ends[k]] - count + 1]
                 following[k] = chain[row]
                 chain[row] = k
             k = after
+        _give_all(starts, rows, place, blocks, leader, j, end - own)
         p0 = load(blocks, (own, 0))
         room = least(p0 - a00, room)
         d0 = 1.0 / square_root(p0)
@@ -152,7 +207,7 @@ def factorize(starts: Index, rows: Index, blocks: Array, least_pivot: float, sla
         store(blocks, (own, 6), l20)
         store(blocks, (own, 7), l21)
         store(blocks, (own, 8), d2)
-        for b in range(own + 1, starts[j + 1]):
+        for b in range(own + 1, end):
             for i in range(0, 9, 3):
                 x0 = load(blocks, (b, i)) * d0
                 x1 = (load(blocks, (b, i + 1)) - x0 * l10) * d1
@@ -160,12 +215,34 @@ def factorize(starts: Index, rows: Index, blocks: Array, least_pivot: float, sla
                 store(blocks, (b, i), x0)
                 store(blocks, (b, i + 1), x1)
                 store(blocks, (b, i + 2), x2)
-        if own + 1 < starts[j + 1]:
-            given[j] = own + 1
+        if (j + 1 == size or leaders[j + 1] != leader) and own + 1 < end:
+            ends[leader], left[leader] = j + 1, end - own - 1
             row = rows[own + 1]
-            following[j] = chain[row]
-            chain[row] = j
+            following[leader] = chain[row]
+            chain[row] = leader
     store(slack, (0,), room)
+
+
+def factorize_reference(starts: Index, rows: Index, blocks: Array) -> Array:
+    """The same factor in NumPy, block by block, of one positive definite matrix, (blocks, 3, 3): a copy.
+
+    L_jj L_jjᵀ = A_jj − Σ_k L_jk L_jkᵀ and L_ij = (A_ij − Σ_k L_ik L_jkᵀ) L_jj⁻ᵀ for i > j, with k the columns before j;
+    here each column k subtracts its products from those after it as soon as it is done.
+    """
+    factor = blocks.copy()
+    size = len(starts) - 1
+    block = {(int(rows[b]), j): b for j in range(size) for b in range(starts[j], starts[j + 1])}
+    for j in range(size):
+        below = range(starts[j] + 1, starts[j + 1])
+        lower = np.linalg.cholesky(factor[starts[j]])
+        factor[starts[j]] = lower
+        for b in below:
+            factor[b] = np.linalg.solve(lower, factor[b].T).T
+        for b in below:
+            for c in below:
+                if rows[c] >= rows[b]:
+                    factor[block[rows[c], rows[b]]] -= factor[c] @ factor[b].T
+    return factor
 
 
 @njit(nogil=True, error_model="numpy")

@@ -57,18 +57,27 @@ class Room:
     Attributes
     ----------
     holds : whose forces and factor are in the room, None where nobody may rely on them
+    factored : fluctuation at which the factor was made
     """
 
     def __init__(self) -> None:
         self._memory: dict[str, Array] = {}
         self.holds: object = None
+        self.factored = np.empty(0)
 
     def array(self, name: str, *shape: int) -> Array:
         """The array of that name, contiguous, with eight lanes behind `shape`; what it held before is undefined."""
         size = int(np.prod(shape)) * LANES
         if name not in self._memory or self._memory[name].size < size:
-            self._memory[name] = np.empty(size)
+            self._memory[name] = aligned(size)
         return self._memory[name][:size].reshape(*shape, LANES)
+
+
+def aligned(size: int) -> Array:
+    """An array of that many numbers that begins with a line of the cache: vectors of eight then lie in a line each."""
+    memory = np.empty(size + LANES)
+    first = -memory.ctypes.data % (8 * LANES) // 8
+    return memory[first : first + size]
 
 
 _THREAD = threading.local()
@@ -108,6 +117,7 @@ class PathState(NamedTuple):
 
     gradient, gradient_before : F, shape (3, 3, 8)
     displacement, displacement_before : fluctuation u, shape (n + 1, 3, 8), edges, with a last row of zeros
+    factored : u at which the factor was made that led to the last equilibrium, the same shape
     rate_before : ∂u/∂F : ΔF at the equilibrium before, towards the last, the same shape
     curved : whether the two tell how the path bends; converged : whether the last F was reached
     iterations, cuts, indefinite : of the way from the F before; all of shape (8,)
@@ -115,6 +125,7 @@ class PathState(NamedTuple):
 
     gradient: Array
     displacement: Array
+    factored: Array
     gradient_before: Array
     displacement_before: Array
     rate_before: Array
@@ -173,7 +184,8 @@ class Engine:
         pairs = np.full(len(ends), -1, dtype=np.int32)
         pairs[inside] = elimination.block(ends[inside].max(axis=1), ends[inside].min(axis=1))
         tails, heads = (np.ascontiguousarray(end, dtype=np.int32) for end in ends.T)
-        topology = Topology(network.fiber_vectors, tails, heads, pairs, elimination.starts, elimination.rows)
+        lists = elimination.starts, elimination.rows, elimination.leaders
+        topology = Topology(network.fiber_vectors, tails, heads, pairs, *lists)
         return cls(
             network,
             law,
@@ -200,13 +212,13 @@ class Engine:
     def relax(self, F: Array, u: Array, quick: bool = False, least_pivot: float = 0.0) -> Relaxed:
         """Bring the lanes to equilibrium at F, shape (3, 3, 8), from predictions u, (≥ n + 1, 3, 8), in place.
 
-        A lane converges where its residual is within tolerance and its Hessian positive definite. Every pivot must be
-        more than its fraction `least_pivot` of the diagonal element that it came from.
+        A lane converges where its residual is within tolerance and its Hessian positive definite, there or where the
+        last factor was made if the last step shrank the residual to a hundredth, which it could not beside a direction
+        of negative stiffness. Every pivot must be more than its fraction `least_pivot` of the diagonal element that it
+        came from. Forces and factor stay in the room.
 
-        The `quick` way is for predictions that are nearly right: a lane is stuck at the first sign of trouble (a
-        Hessian that is not positive definite, a step that is long or leaves more than half of the residual), and is
-        believed to be stable where the last factor was made: with an old factor every step must shrink the residual to
-        a hundredth, which it could not beside a direction of negative stiffness. Forces and factor stay in the room.
+        The `quick` way is for predictions that are nearly right: a lane is stuck at the first sign of trouble, which is
+        a Hessian that is not positive definite, or a step that is long or leaves more than half of the residual.
         """
         return _Relaxation(self, F, u, quick, least_pivot).run()
 
@@ -263,7 +275,8 @@ class Engine:
             )
         nothing = np.zeros(LANES, dtype=np.int64)
         no = np.zeros(LANES, dtype=bool)
-        state = PathState(F, u, F, u, np.zeros_like(u), no, ~no, relaxed.steps, nothing, nothing)
+        factored = room().factored
+        state = PathState(F, u, factored, F, u, np.zeros_like(u), no, ~no, relaxed.steps, nothing, nothing)
         room().holds = state
         return state
 
@@ -275,7 +288,9 @@ class Engine:
         """
         space, size = room(), self.size
         if space.holds is not state:
-            self.relax(state.gradient, state.displacement.copy())
+            self._pull(state.gradient, state.factored)
+            self._factorize(self._forces()[1], 0.0)
+            self._pull(state.gradient, state.displacement)
         F = np.where(state.converged, F, state.gradient)
         forward, u = self._predicted(state, F)
         relaxed = self.reach(F, u, state.gradient, state.displacement)
@@ -287,6 +302,7 @@ class Engine:
         new = PathState(
             np.where(converged, F, state.gradient),
             u,
+            space.factored,
             state.gradient,
             state.displacement,
             rate,
@@ -325,8 +341,14 @@ class Engine:
             solve(self.topology.starts, self.topology.rows, self._factor(), right)
         return [right[:, :, column].copy() for column in range(len(changes))]
 
-    def rates(self, G: Single, lanes: Mask | None = None) -> None:
-        """Fill G, (≥ n + 1, 3, 9, 8), with ∂u/∂F from the forces and the factor in the room, in some lanes or all."""
+    def rates(self, G: Single, lanes: Mask | None = None, exact: bool = False) -> None:
+        """Fill G, (≥ n + 1, 3, 9, 8), with ∂u/∂F from the forces and the factor in the room, in some lanes or all.
+
+        An `exact` rate comes from a new factor, another one from that which led there.
+        """
+        if exact:
+            room().holds = None
+            self._factorize(self._forces()[1], 0.0)
         right = room().array("right", self.size, 3, 9)
         with self.clock.of(CONDENSATION):
             kernels.couple(self.topology, *self._forces(), right)
@@ -346,7 +368,7 @@ class Engine:
     def tangent(self) -> Array:
         """∂P/∂F along equilibria, shape (9, 9, 8), kA/edge², of what is in the room, by static condensation."""
         G = np.zeros((self.size + 1, 3, 9, LANES), dtype=np.float32)
-        self.rates(G)
+        self.rates(G, exact=True)
         return self.condense(G)[1]
 
     def measures(self) -> tuple[Array, Array, Array]:
@@ -382,7 +404,7 @@ class Engine:
         with self.clock.of(ASSEMBLY):
             kernels.assemble(self.topology, self._forces()[0], stiffness, factor)
         with self.clock.of(FACTORISATION):
-            factorize(self.topology.starts, self.topology.rows, factor, least_pivot, slack)
+            factorize(*self.topology[-3:], factor, least_pivot, slack)
         return slack[0] > 0.0
 
     def _forces(self) -> tuple[Array, Array]:
@@ -427,8 +449,7 @@ class _Relaxation:
                 ready = (status == RUNNING) & ~self.trying
                 status[ready & (~np.isfinite(norm + bound) | ((self.steps == self._limit) & ~good))] = STUCK
                 shrunk = norm / before
-                if self.quick:
-                    status[ready & good & self.definite] = CONVERGED
+                status[ready & good & self.definite & (self.quick | (shrunk <= SHARP))] = CONVERGED
                 reusable = self.definite & (shrunk <= SHARP) & (norm * shrunk**REUSED <= bound)
                 ready &= status == RUNNING
                 # Lanes in balance wait for the others: one factor tells of all whether they are stable.
@@ -496,11 +517,12 @@ class _Relaxation:
     def _factorize(self, ready: Mask, good: Mask) -> None:
         """Factors of all lanes, with negative tension left out where it must be; `good` lanes are in balance."""
         engine, status = self.engine, self.status
-        stiffness = engine._forces()[1]
-        self.definite = engine._factorize(stiffness, self.least_pivot)
+        self.definite = engine._factorize(engine._forces()[1], self.least_pivot)
+        if not self.quick:
+            room().factored = self.u.copy()
         self.indefinite += ready & ~self.definite
         status[ready & good & self.definite] = CONVERGED
-        # What the quick way believed to be stable may turn out not to be.
+        # What was believed to be stable may turn out not to be.
         status[(status == CONVERGED) & ~self.definite] = STUCK
         # A stationary point that is no minimum is left by the guard.
         status[ready & (good | self.quick) & ~self.definite] = STUCK
@@ -523,7 +545,7 @@ class _Relaxation:
         with engine.clock.of(ASSEMBLY):
             kernels.assemble(engine.topology, vectors, softened, factor)
         with engine.clock.of(FACTORISATION):
-            factorize(engine.topology.starts, engine.topology.rows, factor, self.least_pivot, slack)
+            factorize(*engine.topology[-3:], factor, self.least_pivot, slack)
             solve(engine.topology.starts, engine.topology.rows, factor, right)
         definite = np.flatnonzero(slack[0] > 0.0)
         if definite.size:

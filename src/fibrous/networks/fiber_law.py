@@ -56,8 +56,8 @@ class Fibers(NamedTuple):
 
 # Gauss's rule for the energy of Eq. 6, and how far the exponent may run over an interval for rounding to be all it
 # misses.
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
-LONGEST_INTERVAL = 8.0
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+LONGEST_INTERVAL = 1.0
 
 
 @njit(nogil=True, error_model="numpy")

@@ -31,7 +31,7 @@ class Topology(NamedTuple):
     reference : end-to-end vectors D of the network as it is given, shape (fibers, 3), edges
     tails, heads : places of the ends, n for a boundary node, shape (fibers,)
     pairs : block of the Hessian that belongs to both ends, −1 where one is on the boundary, shape (fibers,)
-    starts, rows : of `Elimination`
+    starts, rows, leaders : of `Elimination`
     """
 
     reference: Array
@@ -40,6 +40,7 @@ class Topology(NamedTuple):
     pairs: NDArray[np.int32]
     starts: NDArray[np.int32]
     rows: NDArray[np.int32]
+    leaders: NDArray[np.int32]
 
 
 @njit(nogil=True, error_model="numpy")
