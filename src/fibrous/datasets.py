@@ -8,8 +8,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from numbers import Real
 from pathlib import Path
@@ -286,20 +286,31 @@ def _check(dataset: xr.Dataset, kind_of_file: str, path: Path) -> None:
 
 
 def place(content: bytes, path: Path) -> None:
-    """Write `content` to `path` whole or not at all: beside it, then renamed. Raises DatasetError if it cannot."""
+    """Write `content` to `path` whole or not at all. Raises DatasetError if it cannot."""
+    with in_place_of(path) as beside:
+        beside.write_bytes(content)
+
+
+@contextmanager
+def in_place_of(path: Path) -> Iterator[Path]:
+    """An empty file beside `path` to be written; it then takes the place of `path`, or is gone after an error.
+
+    Raises DatasetError for an OSError.
+    """
     path = Path(path)
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with open(beside, "wb") as stream:
-            stream.write(content)
-            stream.flush()
+        beside.write_bytes(b"")
+        yield beside
+        with open(beside, "rb") as stream:
             os.fsync(stream.fileno())
         os.replace(beside, path)
     except OSError as error:
+        raise DatasetError(f"{path}: cannot be written ({_line(error)}); free space or mend the permission") from None
+    finally:
         with suppress(OSError):
             beside.unlink(missing_ok=True)
-        raise DatasetError(f"{path}: cannot be written ({_line(error)}); free space or mend the permission") from None
 
 
 def _line(error: BaseException) -> str:
