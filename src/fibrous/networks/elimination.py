@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array, eye_array
 from scipy.sparse.linalg import splu
 
+from fibrous.compiled import njit
 from fibrous.networks.lanes import least, load, magnitude, spread, square_root, store
 
 Array = NDArray[np.float64]
@@ -67,7 +67,7 @@ def minimum_degree(size: int, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.argsort(factor.perm_c)
 
 
-@njit(cache=True)
+@njit()
 def _filled(first: NDArray[np.int64], neighbors: NDArray[np.int64]) -> tuple[Index, Index]:
     """`starts` and `rows` of the factor: below its diagonal a column has its own rows and those of its children."""
     size = len(first) - 1
@@ -97,7 +97,7 @@ def _filled(first: NDArray[np.int64], neighbors: NDArray[np.int64]) -> tuple[Ind
     return starts, rows
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def factorize(starts: Index, rows: Index, blocks: Array, least_pivot: float, slack: Array) -> None:
     """Cholesky factors in place of matrices, (blocks, 9, lanes); `slack`, (1, lanes), is above 0 where they exist.
 
@@ -168,7 +168,7 @@ def factorize(starts: Index, rows: Index, blocks: Array, least_pivot: float, sla
     store(slack, (0,), room)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def solve(starts: Index, rows: Index, factor: Array, right: Array) -> None:
     """Solve in place for m right sides, (n, 3, m, lanes), with the factor of `factorize`."""
     size, many = len(starts) - 1, right.shape[2]

@@ -8,14 +8,15 @@ zero. A fibre's stiffness block is ``tension I + axial d ⊗ d`` with d its curr
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from fibrous.compiled import njit
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 
-@njit(cache=True)
+@njit()
 def stretch_fibers(
     gradient: Array, displacement: Array, reference: Array, lengths: Array, tails: Index, heads: Index, vectors: Array
 ) -> Array:
@@ -33,7 +34,7 @@ def stretch_fibers(
     return stretches
 
 
-@njit(cache=True)
+@njit()
 def sum_at_nodes(forces: Array, tails: Index, heads: Index, size: int) -> Array:
     """Gradient of the energy at the interior nodes, shape (size, 3): fibre forces pull at their tails' cost."""
     residual = np.zeros((size + 1, 3))
@@ -44,7 +45,7 @@ def sum_at_nodes(forces: Array, tails: Index, heads: Index, size: int) -> Array:
     return residual[:size]
 
 
-@njit(cache=True)
+@njit()
 def assemble(vectors: Array, tension: Array, axial: Array, tails: Index, heads: Index, band: Array) -> None:
     """Fill `band`, shape (3 n, width), with the lower Hessian: row j holds K[j, j], K[j + 1, j], … down its column."""
     size = len(band) // 3
@@ -66,7 +67,7 @@ def assemble(vectors: Array, tension: Array, axial: Array, tails: Index, heads: 
                     band[3 * tail + j, 3 * (head - tail) + i - j] -= block
 
 
-@njit(cache=True)
+@njit()
 def force_rates(gradient_rate: Array, reference: Array, vectors: Array, tension: Array, axial: Array) -> Array:
     """Rates of the fibre forces, shape (fibers, 3), when F changes at `gradient_rate` and u stands still."""
     rates = np.empty_like(vectors)

@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from fibrous.compiled import njit
 from fibrous.networks.lanes import LANES, exponential, least, load, spread, square_root, store
 
 Array = NDArray[np.float64]
@@ -40,7 +40,7 @@ class Topology(NamedTuple):
     rows: NDArray[np.int32]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def pull(
     topology: Topology,
     law: tuple[float, float],
@@ -91,7 +91,7 @@ def pull(
     store(sums, (1,), forces)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def assemble(topology: Topology, d: Array, stiffness: Array, blocks: Array) -> None:
     """Fill the blocks of the Hessians, (blocks, 9, lanes), of which the nodes' own are symmetric."""
     size = len(topology.starts) - 1
@@ -115,7 +115,7 @@ def assemble(topology: Topology, d: Array, stiffness: Array, blocks: Array) -> N
                     store(blocks, (pair, 3 * i + j), load(blocks, (pair, 3 * i + j)) - entry)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def couple(topology: Topology, d: Array, stiffness: Array, right: Array) -> None:
     """Fill `right`, (n, 3, 9, lanes), with −K_uF.
 
@@ -141,7 +141,7 @@ def couple(topology: Topology, d: Array, stiffness: Array, right: Array) -> None
                         store(right, (head, i, p), load(right, (head, i, p)) - pulled)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def condense(topology: Topology, d: Array, stiffness: Array, G: Single, P: Array, A: Array) -> None:
     """Fill P = Σ f ⊗ D, (3, 3, lanes), and A = Σ wᵀ B w, (9, 9, lanes), with w = ∂d/∂F = δ D + G_head − G_tail.
 
@@ -176,7 +176,7 @@ def condense(topology: Topology, d: Array, stiffness: Array, G: Single, P: Array
             store(A, (p, q), load(A, (q, p)))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def predict(size: int, F: Array, from_F: Array, from_u: Array, from_G: Single, u: Array) -> None:
     """Fill u, (≥ n + 1, 3, lanes), with the tangent's u + ∂u/∂F : ΔF at F, (3, 3, lanes)."""
     u[:] = 0.0
@@ -189,7 +189,7 @@ def predict(size: int, F: Array, from_F: Array, from_u: Array, from_G: Single, u
             store(u, (a, i), moved)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def add_bend(size: int, F: Array, from_F: Array, increment: Array, bend: Single, u: Array) -> None:
     """Add to u the second and third order of the path that led to `from_F` by `increment`, (3, 3, lanes).
 
@@ -212,7 +212,7 @@ def add_bend(size: int, F: Array, from_F: Array, increment: Array, bend: Single,
             store(u, (a, i), load(u, (a, i)) + further)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def find_bend(
     size: int, F: Array, u: Array, G: Single, from_F: Array, from_u: Array, from_G: Single, bend: Single
 ) -> None:

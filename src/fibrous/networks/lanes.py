@@ -10,8 +10,6 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable
-from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 from llvmlite import ir
@@ -39,15 +37,6 @@ class LanesType(types.Type):
         super().__init__(name="Lanes")
 
 
-def _forget_older_code() -> None:
-    """Remove compiled code that is older than this file: what is here goes into it, and Numba does not look here."""
-    for kept in (Path(__file__).parent / "__pycache__").glob("*.nb[ic]"):
-        with suppress(OSError):
-            if kept.stat().st_mtime < Path(__file__).stat().st_mtime:
-                kept.unlink()
-
-
-_forget_older_code()
 _LANES = LanesType()
 
 
