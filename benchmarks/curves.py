@@ -27,8 +27,8 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from fibrous import datasets
-from fibrous.networks.assembly import Assembly
-from fibrous.networks.fiber_law import FiberLaw
+from fibrous.networks.banded import Assembly
+from fibrous.networks.fiber_law import ExponentialFiber
 from fibrous.provenance import code_hash
 from fibrous.study.loading import unpacked
 
@@ -48,7 +48,7 @@ def run_stage(stage: str, config: dict, inputs: list[Path], output: Path) -> flo
 
 def factor_and_solve(network, nonlinearity: float, repeats: int = 9) -> float:
     """Median CPU seconds of one banded factor-and-solve of the rest Hessian in SciPy's reverse Cuthill-McKee order."""
-    assembly = Assembly(network, FiberLaw(nonlinearity))
+    assembly = Assembly(network, ExponentialFiber(nonlinearity))
     band = assembly.hessian(assembly.evaluate(np.eye(3), np.zeros((assembly.size + 1, 3))))
     size = band.shape[1]
     rows = np.arange(len(band))[:, None] + np.arange(size)

@@ -23,17 +23,17 @@ from fibrous.fe.solver import LoadStepper
 from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.materials.network import FiberNetworks
-from fibrous.networks import lane_kernels, relaxation
-from fibrous.networks.fiber_law import FiberLaw
+from fibrous.networks import engine, kernels
+from fibrous.networks.fiber_law import ExponentialFiber
 from fibrous.networks.generation import delaunay_network, network_seed
-from fibrous.networks.homogenization import stress_scale
 from fibrous.networks.network import total_length
+from fibrous.networks.path import stress_scale
 from fibrous.specimen import FiberField, RigidMotion, Slab, synthetic_specimen
 
 PARTS = {
-    "fibres and assembly": ((lane_kernels, "pull"), (lane_kernels, "assemble")),
-    "factorisation and solution": ((relaxation, "factorize"), (relaxation, "solve")),
-    "condensation": ((lane_kernels, "couple"), (lane_kernels, "condense")),
+    "fibres and assembly": ((kernels, "pull"), (kernels, "assemble")),
+    "factorisation and solution": ((engine, "factorize"), (engine, "solve")),
+    "condensation": ((kernels, "couple"), (kernels, "condense")),
 }
 PAPER = 900 * 8 * 20
 
@@ -73,7 +73,7 @@ def run(counts, edge_um: float, steps: int, threads: int, meter: Meter | None = 
     ]
     networks = [made[k % len(made)] for k in range(len(specimen.structure_tensor))]
     generated = time.process_time() - start
-    fibers = FiberNetworks.of(networks, FiberLaw(2.5), stress_scale(10.0, 0.1, edge_um), threads)
+    fibers = FiberNetworks.of(networks, ExponentialFiber(2.5), stress_scale(10.0, 0.1, edge_um), threads)
     stepper = LoadStepper.of(specimen.mesh, Mixture((NeoHookean(0.025, 0.417), fibers)), specimen.prescribed)
     # Rest and its rates, and all compilation, before the clock starts.
     stepper.assembly.evaluate(np.zeros_like(specimen.mesh.node_position), stepper.assembly.split(None))
@@ -84,7 +84,7 @@ def run(counts, edge_um: float, steps: int, threads: int, meter: Meter | None = 
     solution = stepper.follow(specimen.prescribed.values)
     seconds = time.process_time() - start
     state, points = solution.state[1], 8 * len(networks) * steps
-    interior = np.mean([len(network.nodes) for network in fibers.networks])
+    interior = np.mean([one.size for one in fibers.engines])
     print(
         f"{len(networks)} hexahedra, {steps} steps, networks of {interior:.0f} interior nodes and "
         f"{np.mean([len(network.fiber_nodes) for network in networks]):.0f} fibres at {edge_um:g} um; "

@@ -8,9 +8,10 @@ import pytest
 from small_study import Study
 from workflow_runs import snakemake
 
-from fibrous.networks.equilibrium import EquilibriumSolver
-from fibrous.networks.fiber_law import FiberLaw
+from fibrous.networks.engine import Engine
+from fibrous.networks.fiber_law import ExponentialFiber
 from fibrous.networks.generation import delaunay_network, network_seed
+from fibrous.networks.guard import EquilibriumSolver
 from fibrous.networks.network import Network, total_length
 
 
@@ -29,13 +30,24 @@ def network() -> Network:
 
 @pytest.fixture(scope="session")
 def solver(network) -> EquilibriumSolver:
-    return EquilibriumSolver.of(network, FiberLaw(2.5))
+    return EquilibriumSolver.of(network, ExponentialFiber(2.5))
+
+
+@pytest.fixture(scope="session")
+def engine(network) -> Engine:
+    return Engine.of(network, ExponentialFiber(2.5))
+
+
+@pytest.fixture(scope="session")
+def tight_engine(network) -> Engine:
+    """Converged to rounding, for comparisons with differences of the stress."""
+    return Engine.of(network, ExponentialFiber(2.5), residual_tolerance=1e-14)
 
 
 @pytest.fixture(scope="session")
 def tight_solver(network) -> EquilibriumSolver:
     """Converged to rounding, for comparisons with differences of the stress."""
-    return EquilibriumSolver.of(network, FiberLaw(2.5), residual_tolerance=1e-14)
+    return EquilibriumSolver.of(network, ExponentialFiber(2.5), residual_tolerance=1e-14)
 
 
 @pytest.fixture(scope="session")

@@ -38,7 +38,7 @@ def made(config, tmp_path_factory):
         attributes = provenance.attributes(stage_params(stage, config, wildcards))
         match path.suffix:
             case ".nc":
-                xr.Dataset(attrs=attributes).to_netcdf(path, engine="h5netcdf")
+                xr.Dataset(attrs=attributes).to_netcdf(path, engine="netcdf4")
             case ".csv" | ".vtu" | ".feb" | ".html":
                 path.write_text("a\n")
                 attributes["sha256"] = hashlib.sha256(b"a\n").hexdigest()
@@ -118,7 +118,7 @@ def test_results_made_anew_from_older_inputs_are_seen(config, folder):
     for name, stage, wildcards in expected_files(other):
         if stage == "networks":
             attributes = provenance.attributes(stage_params(stage, other, wildcards))
-            xr.Dataset(attrs=attributes).to_netcdf(folder / name, engine="h5netcdf")
+            xr.Dataset(attrs=attributes).to_netcdf(folder / name, engine="netcdf4")
     found = faults(other, folder)
     assert not any(name.startswith("results/networks") for name in found)
     assert found["results/curves/named/large/00.nc"].startswith("stale, made from inputs that")
@@ -184,7 +184,7 @@ def test_what_a_failed_run_left_is_named(config, folder):
 
 
 def test_a_file_without_attributes_is_unreadable(config, folder):
-    xr.Dataset().to_netcdf(folder / "results/tables/surface.nc", engine="h5netcdf")
+    xr.Dataset().to_netcdf(folder / "results/tables/surface.nc", engine="netcdf4")
     Image.new("L", (8, 8)).save(folder / "results/figures/figure_3.png")
     found = faults(config, folder)
     assert {name: line.split(" (")[0] for name, line in found.items()} == {

@@ -45,9 +45,9 @@ def spoilt(quick, tmp_path) -> Path:
         shutil.copytree(quick[0] / "results" / folder, tmp_path / "results" / folder)
     for ensemble in ("delaunay", "replicates"):
         path = tmp_path / f"results/curves/{ensemble}/large/00.nc"
-        dataset = xr.load_dataset(path, engine="h5netcdf")
+        dataset = xr.load_dataset(path, engine="netcdf4")
         dataset["converged"][1, 2, 5] = False
-        dataset.to_netcdf(path, engine="h5netcdf")
+        dataset.to_netcdf(path, engine="netcdf4")
     return tmp_path
 
 

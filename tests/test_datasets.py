@@ -77,7 +77,7 @@ def test_truncated_foreign_and_missing_files_are_refused_in_one_line(tmp_path):
         datasets.read(path, "networks")
     with pytest.raises(DatasetError, match="no such file"):
         datasets.read(tmp_path / "absent.nc", "states")
-    xr.Dataset({"a": 1}).to_netcdf(path, engine="h5netcdf")
+    xr.Dataset({"a": 1}).to_netcdf(path, engine="netcdf4")
     with pytest.raises(DatasetError, match="something else"):
         datasets.read(path, "states")
 
@@ -96,6 +96,12 @@ def test_a_full_disk_leaves_nothing_half_written_and_loses_nothing(tmp_path):
         signal.signal(signal.SIGXFSZ, handler)
     assert path.read_bytes() == before
     assert os.listdir(tmp_path) == ["states.nc"]
+
+
+def test_a_dataset_that_the_library_cannot_store_leaves_nothing(tmp_path):
+    with pytest.raises(TypeError):
+        datasets.write(states().assign_attrs(origin={"a": "mapping"}), tmp_path / "states.nc", "states", PARAMS)
+    assert os.listdir(tmp_path) == []
 
 
 def test_a_path_that_cannot_be_written_is_said(tmp_path):

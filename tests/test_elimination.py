@@ -6,26 +6,46 @@ from conftest import small_network
 from numba import njit
 
 from fibrous.networks.elimination import Elimination, factorize, solve
-from fibrous.networks.lanes import LANES, exponential, least, load, magnitude, spread, square_root, store
+from fibrous.networks.lanes import (
+    LANES,
+    choose,
+    exponential_less_one,
+    greatest,
+    least,
+    load,
+    magnitude,
+    spread,
+    square_root,
+    store,
+)
 
 
 @njit
 def mixed(a, b, single, result):
     x, y = load(a, (0,)), load(b, (1, 0))
     store(result, (0,), 2.0 * x + y / 3.0 - x * y)
-    store(result, (1,), exponential(x) - square_root(magnitude(y)))
+    store(result, (1,), exponential_less_one(x) - square_root(magnitude(y)))
     store(result, (2,), least(x, y))
     store(result, (3,), load(single, (0,)) + spread(1))
     store(single, (0,), y)
     store(result, (4,), 7.0)
+    store(result, (5,), choose(x, y, 3.0, x))
+    store(result, (6,), greatest(y))
 
 
 def test_lanes_compute_what_arrays_do(rng):
     a, b = rng.normal(size=(1, LANES)), rng.normal(size=(2, 1, LANES))
-    single, result = rng.normal(size=(1, LANES)).astype(np.float32), np.empty((5, LANES))
+    single, result = rng.normal(size=(1, LANES)).astype(np.float32), np.empty((7, LANES))
     x, y, z = a[0], b[1, 0], single[0].astype(float)
     mixed(a, b, single, result)
-    expected = [2.0 * x + y / 3.0 - x * y, np.exp(x) - np.sqrt(np.abs(y)), np.minimum(x, y), z + 1.0, np.full(LANES, 7)]
+    expected = [
+        2.0 * x + y / 3.0 - x * y,
+        np.expm1(x) - np.sqrt(np.abs(y)),
+        np.minimum(x, y),
+        z + 1.0,
+        np.full(LANES, 7),
+    ]
+    expected += [np.where(x < y, 3.0, x), np.full(LANES, y.max())]
     np.testing.assert_allclose(result, expected, rtol=1e-14, atol=1e-15)
     np.testing.assert_array_equal(single[0], y.astype(np.float32))
 
@@ -33,15 +53,17 @@ def test_lanes_compute_what_arrays_do(rng):
 @njit
 def exponentials(a, result):
     for m in range(len(a)):
-        store(result, (m,), exponential(load(a, (m,))))
+        store(result, (m,), exponential_less_one(load(a, (m,))))
 
 
-def test_exponential_is_exact_to_rounding(rng):
-    a = np.concatenate([rng.uniform(-700, 700, (500, LANES)), rng.uniform(-2, 2, (500, LANES)), np.zeros((1, LANES))])
+def test_exponential_less_one_is_exact_to_rounding(rng):
+    small = 10.0 ** rng.uniform(-12, -1, (500, LANES)) * rng.choice([-1.0, 1.0], (500, LANES))
+    a = np.concatenate([rng.uniform(-700, 700, (500, LANES)), rng.uniform(-2, 2, (500, LANES)), small])
+    a = np.concatenate([a, np.zeros((1, LANES))])
     result = np.empty_like(a)
     exponentials(a, result)
-    np.testing.assert_allclose(result, np.exp(a), rtol=5e-16)
-    assert (result[-1] == 1.0).all()
+    np.testing.assert_allclose(result, np.expm1(a), rtol=1e-15)
+    assert (result[-1] == 0.0).all()
     exponentials(np.full((1, LANES), 1e5), result[:1])
     assert (result[0] > 1e300).all()
     assert np.isfinite(result[0]).all()

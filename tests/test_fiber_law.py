@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fibrous.errors import ConfigError
-from fibrous.networks.fiber_law import FiberLaw
+from fibrous.networks.fiber_law import ExponentialFiber
 
 STRETCHES = [
     0.05,
@@ -40,12 +40,14 @@ def exact_energy(stretch: float, nonlinearity: float) -> float:
 @pytest.mark.parametrize("nonlinearity", [0.1, 2.5, 20.0, 50.0])
 @pytest.mark.parametrize("stretch", [one for one in STRETCHES if one < 5.0])
 def test_energy_is_the_integral_of_the_force(stretch, nonlinearity):
-    assert FiberLaw(nonlinearity).energy(stretch) == pytest.approx(exact_energy(stretch, nonlinearity), rel=2e-12)
+    assert ExponentialFiber(nonlinearity).energy(stretch) == pytest.approx(
+        exact_energy(stretch, nonlinearity), rel=2e-12
+    )
 
 
 @pytest.mark.parametrize("stretch", STRETCHES)
 def test_force_is_the_printed_law(stretch):
-    force, _ = FiberLaw(2.5).response(stretch)
+    force, _ = ExponentialFiber(2.5).response(stretch)
     with mpmath.workdps(40):
         green = (mpmath.mpf(stretch) ** 2 - 1) / 2
         printed = float((mpmath.exp(mpmath.mpf(2.5) * green) - 1) / mpmath.mpf(2.5))
@@ -54,14 +56,14 @@ def test_force_is_the_printed_law(stretch):
 
 @given(st.floats(0.01, 5.0), st.floats(0.1, 5.0))
 def test_stiffness_is_the_slope_of_the_force(stretch, nonlinearity):
-    law = FiberLaw(nonlinearity)
+    law = ExponentialFiber(nonlinearity)
     step = 1e-5
     slope = (law.response(stretch + step)[0] - law.response(stretch - step)[0]) / (2.0 * step)
     assert law.response(stretch)[1] == pytest.approx(slope, rel=1e-4)
 
 
 def test_fibers_pull_when_stretched_push_little_when_shortened():
-    law = FiberLaw(2.5)
+    law = ExponentialFiber(2.5)
     force, stiffness = law.response(np.array([0.0, 0.5, 1.0, 1.5]))
     assert force[2] == 0.0
     assert (np.diff(force) > 0).all()
@@ -72,12 +74,12 @@ def test_fibers_pull_when_stretched_push_little_when_shortened():
 
 
 def test_no_overflow_at_any_stretch_of_the_study():
-    force, stiffness = FiberLaw(2.5).response(23.0)
-    assert np.isfinite([force, stiffness, FiberLaw(2.5).energy(23.0)]).all()
+    force, stiffness = ExponentialFiber(2.5).response(23.0)
+    assert np.isfinite([force, stiffness, ExponentialFiber(2.5).energy(23.0)]).all()
 
 
 def test_beyond_the_cut_off_force_is_linear_and_energy_its_integral():
-    law, free = FiberLaw(2.5, linear_beyond=1.4), FiberLaw(2.5)
+    law, free = ExponentialFiber(2.5, linear_beyond=1.4), ExponentialFiber(2.5)
     below = np.array([0.7, 1.0, 1.39])
     for extended, printed in zip(law.response(below), free.response(below), strict=True):
         np.testing.assert_array_equal(extended, printed)
@@ -93,4 +95,4 @@ def test_beyond_the_cut_off_force_is_linear_and_energy_its_integral():
 @pytest.mark.parametrize("constants", [(0.0,), (-1.0,), (np.nan,), (2.5, 1.0), (2.5, np.nan)])
 def test_impossible_constants_are_refused(constants):
     with pytest.raises(ConfigError):
-        FiberLaw(*constants)
+        ExponentialFiber(*constants)

@@ -1,8 +1,10 @@
 """Generated networks against the theory of stretched isotropic clouds and Poisson-Delaunay tessellations."""
 
+from itertools import combinations
+
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
+from scipy.spatial import Delaunay, cKDTree
 from scipy.special import elliprg
 
 from fibrous.errors import NetworkError
@@ -124,6 +126,67 @@ def test_fibers_inside_are_delaunay_edges_of_their_own_preimage(full):
                 assert (min(first, second), max(first, second)) in known
     assert checked > 20
     assert len(middle) == len(ends)
+
+
+# The box around the preimage that it gives the cube holds two thirds more points than are needed.
+OBLIQUE = stretch_tensor_for(np.array([[0.4, 0.2, 0.1], [0.2, 0.35, 0.1], [0.1, 0.1, 0.25]]))
+
+
+def sides_of_tetrahedra(cloud):
+    """The sorted pairs of nodes that share a Delaunay tetrahedron, shape (edges, 2)."""
+    corners = np.sort(Delaunay(cloud).simplices, axis=1)
+    return np.array(sorted({pair for row in corners.tolist() for pair in combinations(row, 2)}))
+
+
+def test_edges_are_the_sides_of_the_tetrahedra_each_once_and_in_order():
+    cloud, edges = generation._triangulated(OBLIQUE, 3.0, np.random.default_rng(8))
+    np.testing.assert_array_equal(edges, sides_of_tetrahedra(cloud))
+
+
+@pytest.mark.parametrize("stretch", [np.eye(3), np.diag([0.6, 1.0, 1 / 0.6]), OBLIQUE])
+def test_the_cube_holds_the_edges_of_a_cloud_that_goes_on(stretch, rng):
+    cloud, edges = generation._triangulated(stretch, 5.0, np.random.default_rng(8))
+    box = np.abs(cloud).max(axis=0) + 3.0
+    around = rng.uniform(-box, box, (int(8.0 * box.prod()), 3))
+    further = np.concatenate([cloud, around[Delaunay(cloud).find_simplex(around) < 0]])
+    wider = sides_of_tetrahedra(further)
+    # Also in a cube a tenth wider: sizing it may well end there.
+    inside, inside_wider = (
+        pairs[generation._pieces(points @ stretch / 5.5, pairs)[0]]
+        for points, pairs in ((cloud, edges), (further, wider))
+    )
+    assert len(inside) > 1_000
+    np.testing.assert_array_equal(inside, inside_wider)
+
+
+def length_inside(start, end):
+    """Length of one edge in the closed unit cube: of its intervals between planes of faces, those with their middle in.
+
+    Independent of the order in which an edge passes the planes, and exact for edges that lie in one.
+    """
+    vector = end - start
+    moving = vector != 0.0
+    passed = np.concatenate([(plane - start[moving]) / vector[moving] for plane in (-0.5, 0.5)])
+    stops = np.sort(np.concatenate([[0.0, 1.0], passed[(passed > 0.0) & (passed < 1.0)]]))
+    middles = start + 0.5 * (stops[1:] + stops[:-1])[:, None] * vector
+    return np.diff(stops)[(np.abs(middles) <= 0.5).all(axis=1)].sum() * np.linalg.norm(vector)
+
+
+@pytest.mark.parametrize("on_planes", [False, True])
+def test_pieces_are_what_the_cube_holds_of_each_edge(rng, on_planes):
+    """Also of edges in the plane of a face, along the sides of the cube, through its corners and parallel to axes."""
+    ends = rng.choice([-0.75, -0.5, 0.0, 0.25, 0.5, 0.75], (4000, 3)) if on_planes else rng.uniform(-1, 1, (4000, 3))
+    edges = np.arange(4000).reshape(-1, 2)
+    edges = edges[(ends[edges[:, 0]] != ends[edges[:, 1]]).any(axis=1)]
+    expected = np.array([length_inside(ends[first], ends[second]) for first, second in edges])
+    crossing, start, vector, enter, leave = generation._pieces(ends, edges)
+    lengths = np.zeros(len(edges))
+    lengths[crossing] = (leave - enter) * np.linalg.norm(vector, axis=1)
+    np.testing.assert_allclose(lengths, expected, atol=1e-12)
+    np.testing.assert_array_equal(crossing, np.flatnonzero(expected > 1e-9))
+    np.testing.assert_array_equal(start, ends[edges[crossing, 0]])
+    np.testing.assert_allclose(start + vector, ends[edges[crossing, 1]], atol=1e-15)
+    assert generation._clipped_length(ends, edges) == pytest.approx(expected.sum(), rel=1e-12)
 
 
 def test_a_network_is_a_function_of_seed_and_number():

@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 from conftest import small_network
+from reference import respond
 from tissues import stretched_box
 
 from fibrous.fe.mesh import box
@@ -15,10 +16,9 @@ from fibrous.hybrid import FollowedNetwork, LaggedRefit
 from fibrous.materials.hgo import HGOFamilies
 from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
-from fibrous.networks.equilibrium import EquilibriumSolver
-from fibrous.networks.fiber_law import FiberLaw
+from fibrous.networks.engine import Engine
+from fibrous.networks.fiber_law import ExponentialFiber
 from fibrous.networks.network import structure_tensor
-from fibrous.networks.response import respond
 
 MESH = box((2, 1, 1))
 STRETCHES = (0.04, 0.08, 0.12, 0.16)
@@ -37,20 +37,20 @@ fit_energy, fit_stress = (
 )
 
 
-class Losing(EquilibriumSolver):
+class Losing(Engine):
     """Has no equilibrium where the stretch along x lies in a range."""
 
     lost = (np.inf, np.inf)
 
-    def equilibrium(self, gradient, near=None):
+    def advance(self, state, F):
         least, most = self.lost
-        state = super().equilibrium(gradient, near)
-        return replace(state, converged=not least < gradient[0, 0] < most)
+        new = super().advance(state, F)
+        return new._replace(converged=new.converged & ~((least < F[0, 0]) & (F[0, 0] < most)))
 
 
-def followed(H, seed, solver=EquilibriumSolver):
+def followed(H, seed, engine=Engine):
     network = small_network(seed, H, edge_length_um=8.0)
-    return FollowedNetwork(solver.of(network, FiberLaw(2.5)), structure_tensor(network.fiber_vectors), SCALE)
+    return FollowedNetwork(engine.of(network, ExponentialFiber(2.5)), structure_tensor(network.fiber_vectors), SCALE)
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +78,7 @@ def history(found, step, element):
 
 def refitted(network, gradients, fit, without=()):
     """The constants that one walk of the network along its whole history gives."""
-    response = respond(network.solver, gradients, SCALE)
+    response = respond(network.engine.guard, gradients, SCALE)
     energy = response.strain_energy_density.copy()
     stress = response.cauchy_stress.copy()
     energy[list(without)], stress[list(without)] = np.nan, np.nan

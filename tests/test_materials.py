@@ -20,10 +20,10 @@ from fibrous.materials.hgo import HGOFamilies, HGOStructureTensor, law_called
 from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.materials.timed import Timed
-from fibrous.networks.assembly import Assembly
-from fibrous.networks.fiber_law import FiberLaw
-from fibrous.networks.homogenization import stress_scale
+from fibrous.networks.banded import Assembly
+from fibrous.networks.fiber_law import ExponentialFiber
 from fibrous.networks.network import structure_tensor
+from fibrous.networks.path import stress_scale
 from fibrous.study.configuration import SCHEMA
 from fibrous.words import FORMS, WITHOUT_CONSTANTS
 
@@ -32,7 +32,7 @@ H_DIAGONAL = np.diag([0.6, 0.3, 0.1])
 TURN = Rotation.from_euler("xyz", [[0.1, 0.2, 0.3], [1.0, 0.5, -0.4], [-0.7, 0.2, 2.0], [0.0, 0.0, 0.0]]).as_matrix()
 H = (TURN @ H_DIAGONAL @ TURN.transpose(0, 2, 1))[:, None]  # (elements, 1, 3, 3)
 C2, C3 = np.linspace(0.1, 0.4, ELEMENTS)[:, None], np.linspace(0.0, 1.5, ELEMENTS)[:, None]
-LAW = FiberLaw(2.5)
+LAW = ExponentialFiber(2.5)
 SCALE = stress_scale(10.0, 0.1, 10.0)
 
 

@@ -1,9 +1,12 @@
 """A user's own mesh, fibres and motion: what was saved is read, and every fault is named with its row or element."""
 
+import sys
+
 import meshio
 import numpy as np
 import pandas as pd
 import pytest
+from netCDF4 import Dataset
 from tissues import distorted_box
 
 from fibrous.errors import FibrousError
@@ -50,13 +53,51 @@ def changed(table, row, column, value):
     return table
 
 
-@pytest.mark.parametrize("name", ["m.vtu", "m.vtk", "m.msh", "m.inp", "m.mesh", "m.xdmf"])
+@pytest.mark.parametrize("name", ["m.vtu", "m.vtk", "m.msh", "m.inp", "m.mesh", "m.e"])
 def test_a_mesh_is_read_in_any_format(name, tmp_path):
     mesh = distorted_box(3)
     meshio.Mesh(mesh.node_position, [("hexahedron", mesh.element_nodes)]).write(tmp_path / name)
     found = read_mesh(tmp_path / name)
     np.testing.assert_allclose(found.node_position, mesh.node_position, atol=1e-14)
     np.testing.assert_array_equal(found.element_nodes, mesh.element_nodes)
+
+
+def netcdf_3_exodus(path, mesh):
+    """As Cubit writes it: a coordinate in a variable, blocks of elements, nodes numbered from 1."""
+    with Dataset(path, "w", format="NETCDF3_64BIT_OFFSET") as file:
+        blocks = mesh.element_nodes[:5], mesh.element_nodes[5:]
+        sizes = {"num_nodes": len(mesh.node_position), "eight": 8, "block1": 5, "block2": len(blocks[1])}
+        for name, size in sizes.items():
+            file.createDimension(name, size)
+        for name, column in zip("xyz", mesh.node_position.T, strict=True):
+            file.createVariable(f"coord{name}", "f8", ("num_nodes",))[:] = column
+        for number, (name, block) in enumerate(zip(("HEX8", "HEX"), blocks, strict=True), 1):
+            variable = file.createVariable(f"connect{number}", "i4", (f"block{number}", "eight"))
+            variable.elem_type = name
+            variable[:] = block + 1
+    return path
+
+
+def test_exodus_in_netcdf_3_is_read_whole_or_not_at_all(tmp_path):
+    mesh = distorted_box(3)
+    path = netcdf_3_exodus(tmp_path / "m.exo", mesh)
+    found = read_mesh(path)
+    np.testing.assert_array_equal(found.node_position, mesh.node_position)
+    np.testing.assert_array_equal(found.element_nodes, mesh.element_nodes)
+    content = path.read_bytes()
+    for size in range(0, len(content), 211):
+        path.write_bytes(content[:size])
+        with pytest.raises(MeshError, match=r"not a mesh file that meshio can read|not a whole NetCDF-3 file"):
+            read_mesh(path)
+
+
+@pytest.mark.parametrize("name", ["m.xdmf", "m.med", "m.cgns", "m.h5m"])
+def test_a_format_that_needs_another_library_says_which(name, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "h5py", None)  # as if it were not installed
+    points = "<Geometry GeometryType='XYZ'><DataItem Dimensions='1 3' Format='XML'>0 0 0</DataItem></Geometry>"
+    (tmp_path / name).write_text(f"<Xdmf Version='3.0'><Domain><Grid>{points}</Grid></Domain></Xdmf>")
+    with pytest.raises(MeshError, match="pip install h5py"):
+        read_mesh(tmp_path / name)
 
 
 def test_a_specimen_is_read_as_it_was_saved_in_any_order_of_rows(files):
@@ -113,7 +154,8 @@ def test_meshes_that_cannot_be_computed_with_are_named(tmp_path):
 def test_files_that_are_no_meshes_are_refused(name, text, tmp_path, capsys):
     if text is not None:
         (tmp_path / name).write_text(text)
-    with pytest.raises(FibrousError, match=r"not a mesh file that meshio can read \(.+\)|has no elements") as error:
+    refusals = r"not a mesh file that meshio can read \(.+\)|has no elements|no such file"
+    with pytest.raises(FibrousError, match=refusals) as error:
         read_mesh(tmp_path / name)
     assert "\n" not in str(error.value)
     assert capsys.readouterr() == ("", "")

@@ -6,7 +6,6 @@ import os
 import pickle
 import signal
 import subprocess
-import sys
 import time
 import tracemalloc
 
@@ -14,7 +13,9 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from reference import respond
 from small_study import NETWORK_FILES, SPECIMEN_FILE, small_specimen
+from workflow_runs import job_line
 
 from fibrous import datasets, provenance
 from fibrous.errors import ConfigError, ConvergenceError
@@ -22,12 +23,11 @@ from fibrous.fe.solver import LoadStepper, Walk
 from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.materials.network import FiberNetworks
-from fibrous.networks.equilibrium import EquilibriumSolver
-from fibrous.networks.fiber_law import FiberLaw
-from fibrous.networks.response import respond
+from fibrous.networks.fiber_law import ExponentialFiber
+from fibrous.networks.guard import EquilibriumSolver
 from fibrous.study import multiscale, table_2
 from fibrous.study.checkpoint import Checkpoint
-from fibrous.study.stages import STAGES, stage_params
+from fibrous.study.stages import Params, stage_params
 
 SCALE = 10.0 * np.pi * 0.1**2 / 8.0**2  # k π R²/χ²
 
@@ -51,7 +51,7 @@ def test_every_gauss_point_holds_its_network_in_equilibrium(coupled):
     for element, point in ((0, 0), (5, 3), (11, 7)):
         gradients = tissue["deformation_gradient"].values[:, element, point]
         path = np.concatenate([np.eye(3)[None], gradients])
-        alone = respond(EquilibriumSolver.of(coupled.networks()[element], FiberLaw(2.5)), path, SCALE)
+        alone = respond(EquilibriumSolver.of(coupled.networks()[element], ExponentialFiber(2.5)), path, SCALE)
         J = np.linalg.det(gradients)[:, None, None]
         matrix = 2.0 * 0.025 / J * (gradients @ gradients.swapaxes(1, 2) - np.eye(3)) + 0.417 * np.log(J) / J * np.eye(
             3
@@ -63,7 +63,7 @@ def test_every_gauss_point_holds_its_network_in_equilibrium(coupled):
 
 def test_counts_are_those_of_the_library_called_by_hand(coupled):
     specimen, tissue = small_specimen(), coupled.tissue("multiscale")
-    material = Mixture((NeoHookean(0.025, 0.417), FiberNetworks.of(coupled.networks(), FiberLaw(2.5), SCALE)))
+    material = Mixture((NeoHookean(0.025, 0.417), FiberNetworks.of(coupled.networks(), ExponentialFiber(2.5), SCALE)))
     found = LoadStepper.of(specimen.mesh, material, specimen.prescribed).follow(specimen.prescribed.values)
     assert found.displacement.tobytes() == tissue["displacement"].values.tobytes()
     assert found.newton_iterations.tolist() == tissue["newton_iterations"].values.tolist()
@@ -96,14 +96,8 @@ def test_load_steps_that_do_not_divide_the_specimens_are_refused(coupled):
 
 def job(study, *options: str) -> list[str]:
     """The command of the rule."""
-    wildcards, stage = {"run": "multiscale"}, STAGES["multiscale"]
-    line = [sys.executable, "-m", "fibrous.study.job", *options]
-    line += ["--params", json.dumps(stage_params("multiscale", study.config, wildcards))]
-    for name, paths in stage.inputs(study.config, wildcards).items():
-        line += ["--input", name, *paths]
-    for name, path in stage.outputs.items():
-        line += ["--output", name, path.format_map(wildcards)]
-    return line
+    content = Params(study.config).with_files("multiscale", {"run": "multiscale"})
+    return job_line(study.folder, content, *options)
 
 
 def test_a_killed_run_goes_on_to_the_same_bits_with_other_threads(coupled, other):
@@ -394,7 +388,7 @@ def test_table_2_sums_up_what_the_processes_counted(tmp_path):
             }
         )
         dataset.attrs["versions"] = '{"python": "3"}'
-        dataset.to_netcdf(tmp_path / name, engine="h5netcdf")
+        dataset.to_netcdf(tmp_path / name, engine="netcdf4")
         return tmp_path / name
 
     parts = json.dumps({"assembly": 1000.0, "factorisation": 500.0})

@@ -25,8 +25,9 @@ from fibrous.report.readme import duration, filled
 from fibrous.report.tables import VIEWS, View, shown
 from fibrous.study import report, stage_costs
 from fibrous.study.configuration import CAPTIONS, PROJECT, caption, loaded, statements
-from fibrous.study.report_stages import GATHERING, flow, jobs
-from fibrous.study.stages import STAGES
+from fibrous.study.jobs import jobs
+from fibrous.study.report_stages import GATHERING, commit, flow
+from fibrous.study.stages import STAGES, stage_params
 
 LINKING = {"src", "href", "srcset", "action", "data", "poster", "xlink:href"}
 
@@ -108,8 +109,7 @@ def test_the_page_tells_every_statement_with_its_verdict(quick, page):
 
 
 def test_the_page_says_where_its_numbers_come_from(quick, page):
-    commit = subprocess.run(["git", "rev-parse", "HEAD"], cwd=PROJECT, capture_output=True, text=True)
-    assert (commit.stdout.strip() or "not a git checkout") in page.words
+    assert commit(PROJECT) in page.words
     stages = pd.read_csv(quick[0] / "results/tables/stages.csv")
     assert f"{stages['cpu_seconds'].sum() / 3600:.3g} in {stages['jobs'].sum()} jobs" in page.words
     assert str(stages["machine"].iloc[0]) in page.words
@@ -312,5 +312,34 @@ def test_durations():
 
 
 def test_a_note_names_what_differs_from_the_default_config():
-    assert report._notes(loaded()) == []
-    assert "in fit." in report._notes(loaded() | {"fit": {}})[0]
+    def notes(config: dict) -> list[str]:
+        return report._notes(stage_params("report", config, {})["config"]["other_than_default"])
+
+    assert notes(loaded()) == []
+    assert "in matrix." in notes(loaded() | {"matrix": {"C1_MPa": 1.0, "lame_lambda_MPa": 1.0}})[0]
+
+
+def test_the_commit_is_the_last_one_that_touched_what_results_are_made_of(tmp_path, monkeypatch):
+    def git(*words: str) -> str:
+        return subprocess.run(["git", *words], cwd=tmp_path, check=True, capture_output=True, text=True).stdout.strip()
+
+    for variable in ("GIT_AUTHOR_NAME", "GIT_AUTHOR_EMAIL", "GIT_COMMITTER_NAME", "GIT_COMMITTER_EMAIL"):
+        monkeypatch.setenv(variable, "someone")
+    monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
+    assert commit(tmp_path) == "not a git checkout"
+    git("init", "--quiet")
+    source, page = tmp_path / "src" / "a.py", tmp_path / "README.md"
+    source.parent.mkdir()
+    source.write_text("1\n")
+    git("add", ".")
+    git("commit", "--quiet", "-m", "a source")
+    first = git("rev-parse", "HEAD")
+    page.write_text("words\n")
+    git("add", ".")
+    assert commit(tmp_path) == first
+    git("commit", "--quiet", "-m", "words")
+    assert commit(tmp_path) == first
+    source.write_text("2\n")
+    assert commit(tmp_path) == f"{first} with changes since"
+    git("commit", "--quiet", "-am", "another source")
+    assert commit(tmp_path) == git("rev-parse", "HEAD")

@@ -1,5 +1,7 @@
 """The DAG as a user meets it: from an empty folder, again, broken, killed."""
 
+import hashlib
+import json
 import os
 import re
 import signal
@@ -18,7 +20,7 @@ from workflow_runs import QUICK, SMALL, command_line, files_of, quick_config, sn
 from fibrous.check import check
 from fibrous.documentation import TABLES
 from fibrous.study.configuration import loaded
-from fibrous.study.stages import expected_files
+from fibrous.study.stages import Params, expected_files
 
 
 def test_the_quick_study_makes_every_file_and_check_agrees(quick):
@@ -45,7 +47,7 @@ def _as_glob(place: str) -> str:
 def test_the_run_ends_with_the_convergence_of_its_states(quick):
     folder, said = quick
     table = pd.read_csv(folder / "results/tables/convergence.csv")
-    curves = [xr.load_dataset(path, engine="h5netcdf") for path in (folder / "results/curves").rglob("*.nc")]
+    curves = [xr.load_dataset(path, engine="netcdf4") for path in (folder / "results/curves").rglob("*.nc")]
     assert len(table) == sum(int((~one["converged"]).sum()) for one in curves)
     assert said.count("not converged: ") == len(table)
     assert ("every state of" in said) == table.empty
@@ -110,8 +112,8 @@ def test_networks_and_curves_do_not_depend_on_batches_or_jobs(quick, tmp_path):
     done = snakemake(tmp_path, "-j1", *wanted, configs=(QUICK, written(tmp_path, SMALL)))
     assert done.returncode == 0, done.stderr
     for path in [*wanted, *(path.replace("curves", "networks").replace("/small", "") for path in wanted)]:
-        here = xr.load_dataset(tmp_path / path, engine="h5netcdf")
-        there = xr.load_dataset((quick[0] / path).with_name("00.nc"), engine="h5netcdf")
+        here = xr.load_dataset(tmp_path / path, engine="netcdf4")
+        there = xr.load_dataset((quick[0] / path).with_name("00.nc"), engine="netcdf4")
         assert here.sizes["network"] >= 4
         assert same_bits(here, there), path
 
@@ -261,3 +263,54 @@ def test_a_failed_job_says_why_on_the_terminal(tmp_path):
     assert len(lines) == 1
     assert (tmp_path / "logs/networks/file/00.log").read_text() == f"{lines[0]}\n"
     assert not list((tmp_path / "results").rglob("*.nc"))
+
+
+def many_batches(count: int) -> dict:
+    """A study of so many batches of the 750 and of the tissue's networks, each of one network."""
+    return {
+        "delaunay": {"networks": count, "batches": count},
+        "tissue": {"batches": count},
+        "synthetic_specimen": {"elements": [count, 1, 1]},
+        "microstructure": {"elements": [5]},
+    }
+
+
+def test_a_command_does_not_grow_with_the_number_of_batches(tmp_path):
+    """Linux takes 128 KiB; the schema allows 1,000 batches."""
+    models = [
+        {
+            "name": "hgo",
+            "law": "families",
+            "constants": "fit",
+            "energy": "families",
+            "objective": "energy",
+            "refit": True,
+        },
+        {"name": "multiscale", "law": "network"},
+    ]
+    study = many_batches(1000)
+    study["tissue"] |= {"models": models}
+    done = snakemake(tmp_path, "-n", "-p", configs=(written(tmp_path, study),))
+    assert done.returncode == 0, done.stderr
+    commands = [line for line in (done.stdout + done.stderr).splitlines() if "fibrous.study.job" in line]
+    assert len(commands) > 6000
+    assert max(map(len, commands)) < 1000
+
+
+def test_the_costs_of_very_many_jobs_are_summed_up(tmp_path):
+    config = written(tmp_path, many_batches(200))
+    costs = Params(loaded(config)).with_files("stage_costs", {})
+    empty = xr.Dataset(attrs={"cpu_seconds": 2.0, "peak_memory_MB": 1.0, "machine": "m", "versions": "{}"})
+    content = bytes(empty.to_netcdf(engine="h5netcdf"))
+    companion = json.dumps({**empty.attrs, "sha256": hashlib.sha256(content).hexdigest()})
+    paths = [tmp_path / path for path in costs["inputs"]["files"]]
+    for path in paths:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+        if path.suffix != ".nc":
+            Path(f"{path}.json").write_text(companion)
+    assert sum(len(path) for path in costs["inputs"]["files"]) + len(json.dumps(costs["config"])) > 131072
+    wanted = "results/tables/stages.csv"
+    done = snakemake(tmp_path, "-j1", "--allowed-rules=sum_up_costs", wanted, configs=(config,))
+    assert done.returncode == 0, done.stderr
+    assert pd.read_csv(tmp_path / wanted)["cpu_seconds"].sum() == 2.0 * len(paths)

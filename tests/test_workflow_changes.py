@@ -243,13 +243,13 @@ def test_more_batches_of_element_networks_give_the_same_bits(quick, tmp_path):
     assert done.returncode == 0, done.stderr
     whole = xr.concat(
         [
-            xr.load_dataset(quick[0] / f"results/networks/tissue/0{batch}.nc", engine="h5netcdf")["structure_tensor"]
+            xr.load_dataset(quick[0] / f"results/networks/tissue/0{batch}.nc", engine="netcdf4")["structure_tensor"]
             for batch in range(2)
         ],
         "network",
     )
     parts = xr.concat(
-        [xr.load_dataset(tmp_path / path, engine="h5netcdf")["structure_tensor"] for path in wanted], "network"
+        [xr.load_dataset(tmp_path / path, engine="netcdf4")["structure_tensor"] for path in wanted], "network"
     )
     assert parts.values.tobytes() == whole.values.tobytes()
 

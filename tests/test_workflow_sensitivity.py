@@ -71,13 +71,13 @@ def test_the_base_is_what_the_studys_own_rules_give(quick, quick_sensitivity):
     same = pooled.loc[pd.MultiIndex.from_frame(base[["replicate", "load_set"]])]
     assert same["name"].tolist() == base["network"].tolist()
     np.testing.assert_array_equal(base[FIT].to_numpy(), same[FIT].to_numpy())
-    networks = xr.load_dataset(quick[0] / "results/networks/replicates/00.nc", engine="h5netcdf")
+    networks = xr.load_dataset(quick[0] / "results/networks/replicates/00.nc", engine="netcdf4")
     assert base["seed"].tolist() == networks["seed"].sel(network=base["replicate"].to_numpy()).values.tolist()
 
 
 def test_the_error_of_the_base_is_that_along_the_studys_path(quick, quick_sensitivity):
     base = pd.read_csv(quick_sensitivity / "results/sensitivity/base.csv")
-    path = xr.load_dataset(quick[0] / "results/curves/replicates/eq9/00.nc", engine="h5netcdf").isel(deformation=0)
+    path = xr.load_dataset(quick[0] / "results/curves/replicates/eq9/00.nc", engine="netcdf4").isel(deformation=0)
     for row in base.to_dict("records"):
         network = path.sel(network=row["replicate"]).isel(step=slice(1, None))
         F, H = network["deformation_gradient"].values, network["structure_tensor"].values

@@ -7,11 +7,12 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from workflow_runs import QUICK, snakemake, written
+from workflow_runs import QUICK, files_of, snakemake, would_run, written
 
 from fibrous.fe.mesh import box
 from fibrous.study.configuration import loaded
-from fibrous.study.stages import expected_files, stage_params
+from fibrous.study.jobs import OF_THE_PAPER
+from fibrous.study.stages import STAGES, expected_files, stage_params
 
 OWN_TISSUE = {
     "specimen": "file",
@@ -44,7 +45,7 @@ def test_a_tissue_of_ones_own_runs_from_five_lines(tmp_path, monkeypatch):
     wanted = ["results/tissue/hgo.nc", "results/tissue/hgo.feb"]
     done = snakemake(tmp_path, "-j2", *wanted, configs=(QUICK, own))
     assert done.returncode == 0, done.stderr
-    tissue = xr.load_dataset(tmp_path / wanted[0], engine="h5netcdf")
+    tissue = xr.load_dataset(tmp_path / wanted[0], engine="netcdf4")
     assert tissue.attrs["origin"] == "mesh of mesh.vtu"
     assert tissue["converged"].all()
     moved = tissue["displacement"].values[-1, :, 0]
@@ -58,6 +59,78 @@ def test_a_tissue_of_ones_own_runs_from_five_lines(tmp_path, monkeypatch):
     made = {path: stage_params(stage, before, wildcards) for path, stage, wildcards in expected_files(before)}
     own_tissue(tmp_path, stretch=0.25)
     assert made["results/tissue/hgo.nc"] != stage_params("tissue", before, {"run": "hgo"})
+
+
+FIT = {"constants": "fit", "energy": "structure_tensor", "objective": "energy"}
+FEW = [
+    {"name": "affine", "law": "affine"},
+    {"name": "hgo", "law": "families", **FIT, "refit": True},
+    {"name": "multiscale", "law": "network"},
+]
+FROM_SURFACE = {"name": "hgo_surface", "law": "families", "constants": "surface"}
+
+
+def few_models(*models: dict) -> dict:
+    return {**OWN_TISSUE, "tissue": {"models": [*FEW, *models]}, "microstructure": {"runs": ["multiscale"]}}
+
+
+def ensembles(paths: set[str]) -> set[str]:
+    """Whose networks are among the files."""
+    return {Path(path).parts[2] for path in paths if path.startswith("results/networks/")}
+
+
+def test_a_tissue_of_ones_own_makes_no_other_networks(tmp_path):
+    own_tissue(tmp_path)
+    for targets in ((), ("tissue",), ("curves",), ("report",)):
+        found = would_run(tmp_path, few_models(), *targets)
+        assert ensembles(found) == {"tissue"}
+        assert not any(f"/{name}" in path for path in found for name in ("delaunay", "named", "replicates", "surface"))
+    found = would_run(tmp_path, few_models())
+    figures = ("figure_specimen", "figure_9", "figure_comparison", "figure_4")
+    assert files_of(few_config(tmp_path), "comparison", "table_2", "report", *figures) <= found
+    assert "results/claims.csv" not in found
+    assert set(STAGES) >= OF_THE_PAPER
+
+
+def few_config(folder: Path) -> dict:
+    """The config of a dry run in `folder`, which the paths of the tissue are seen from."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        return loaded(written(folder, few_models(), "few.yaml"))
+
+
+def test_a_model_with_constants_of_the_surface_makes_its_networks_and_no_others(tmp_path):
+    own_tissue(tmp_path)
+    found = would_run(tmp_path, few_models(FROM_SURFACE))
+    assert ensembles(found) == {"tissue", "delaunay"}
+    assert {"results/tables/surface.nc", "results/tissue/hgo_surface.nc"} <= found
+    assert "results/claims.csv" not in found
+
+
+@pytest.mark.parametrize(
+    ("target", "wanted"),
+    [
+        ("figure_5", {"named"}),
+        ("table_1", {"delaunay"}),
+        ("claims", {"delaunay", "named", "replicates", "tissue"}),
+    ],
+)
+def test_what_tells_of_the_papers_networks_is_made_where_it_is_named(tmp_path, target, wanted):
+    own_tissue(tmp_path)
+    assert ensembles(would_run(tmp_path, few_models(), target)) == wanted
+
+
+def test_the_study_of_a_tissue_of_ones_own_tells_what_it_made(tmp_path):
+    own_tissue(tmp_path)
+    own = written(tmp_path, few_models())
+    done = snakemake(tmp_path, "-j2", configs=(QUICK, own))
+    assert done.returncode == 0, done.stderr
+    page = (tmp_path / "results/report.html").read_text()
+    figures = {name for name in STAGES if f'<figure id="{name}">' in page}
+    assert figures == {"figure_4", "figure_specimen", "figure_9", "figure_comparison"}
+    sections = page.split("<section>")[1:]
+    assert len(sections) == 4
+    assert all("<figure" in one or "<table" in one for one in sections)
 
 
 def test_a_tissue_that_cannot_be_is_one_line(tmp_path):
@@ -80,6 +153,6 @@ def test_a_motion_too_large_keeps_what_converged(tmp_path):
     assert len(lines) == 1
     assert "results/tissue/matrix.failed.nc" in lines[0]
     assert "Traceback" not in done.stderr
-    kept = xr.load_dataset(tmp_path / "results/tissue/matrix.failed.nc", engine="h5netcdf")
+    kept = xr.load_dataset(tmp_path / "results/tissue/matrix.failed.nc", engine="netcdf4")
     assert not kept["converged"].values[-1]
     assert not (tmp_path / "results/tissue/matrix.nc").exists()

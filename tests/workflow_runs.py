@@ -1,5 +1,6 @@
 """Runs of the workflow that its tests share."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -26,6 +27,14 @@ def command_line(*arguments: str, configs: tuple[Path, ...] = (QUICK,)) -> list[
 def snakemake(folder: Path, *arguments: str, configs: tuple[Path, ...] = (QUICK,)) -> subprocess.CompletedProcess:
     line = command_line(*arguments, configs=configs)
     return subprocess.run(line, cwd=folder, capture_output=True, text=True, timeout=600)
+
+
+def job_line(folder: Path, content: dict, *options: str) -> list[str]:
+    """The command of one job, with files in `folder` that say what it has to do."""
+    job, config = folder / "job.json", folder / "config.json"
+    job.write_text(json.dumps(content))
+    config.write_text("{}")
+    return [sys.executable, "-m", "fibrous.study.job", str(job), "--config", str(config), *options]
 
 
 def written(folder: Path, change: dict, name: str = "own.yaml") -> Path:

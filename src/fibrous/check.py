@@ -16,7 +16,7 @@ from PIL import Image
 from fibrous.datasets import provenance_of
 from fibrous.errors import DatasetError
 from fibrous.provenance import config_hash
-from fibrous.study.stages import Config, expected_files, possible_files, stage_params
+from fibrous.study.stages import Config, Params, expected_files, possible_files
 
 # Files with no place for provenance have it beside them.
 WITH_COMPANION = (".csv", ".vtu", ".feb", ".html")
@@ -39,9 +39,9 @@ def check(config: Config, folder: Path) -> tuple[list[str], int]:
         for path, stage, wildcards in possible_files(config)
         if path in wanted or (folder / path).is_file()
     }
-    lines = []
+    params, lines = Params(config), []
     for path, (stage, wildcards) in expected.items():
-        fault = _fault(folder / path, stage_params(stage, config, wildcards))
+        fault = _fault(folder / path, params.of(stage, wildcards))
         if fault:
             lines.append(f"{path}: {fault}")
     sidecars = {Path(f"{path}.json") for path in expected if path.suffix in WITH_COMPANION}

@@ -11,6 +11,7 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from io import BytesIO
 from numbers import Real
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,12 @@ import pandas as pd
 import xarray as xr
 
 from fibrous.errors import DatasetError
+from fibrous.netcdf import content_of, opened, save
 from fibrous.provenance import attributes
+
+# What to do about a file of the study.
+IF_MISSING = "run the rule that writes it"
+IF_BROKEN = "delete it and run again"
 
 
 @dataclass(frozen=True)
@@ -202,18 +208,17 @@ def write(dataset: xr.Dataset, path: Path, kind: str, params: Mapping[str, Any])
         coordinate.attrs.update(units=units, long_name=long_name)
     dataset.attrs.update(kind=kind, **attributes(params))
     encoding = {name: {"zlib": True, "complevel": 1} for name, variable in declared.items() if variable.kind != "U"}
-    place(bytes(dataset.to_netcdf(engine="h5netcdf", encoding=encoding)), path)
+    with in_place_of(path) as beside:
+        save(dataset, beside, encoding)
 
 
 def read(path: Path, kind: str) -> xr.Dataset:
-    """The dataset at `path`, in memory and checked. Raises DatasetError where it is not a file of `kind`."""
-    if not Path(path).is_file():
-        raise DatasetError(f"{path}: no such file; run the rule that writes it")
-    try:
-        with xr.open_dataset(path, engine="h5netcdf") as opened:
-            dataset = opened.load()
-    except (OSError, ValueError, KeyError, RuntimeError) as error:
-        raise DatasetError(f"{path}: not a readable NetCDF file ({_line(error)}); delete it and run again") from None
+    """The dataset at `path`, in memory and checked.
+
+    Raises DatasetError where it is not a file of `kind`, is broken, or may not be read now.
+    """
+    with opened(path, IF_MISSING, IF_BROKEN) as dataset:
+        dataset.load()
     found = dataset.attrs.get("kind")
     if found != kind:
         raise DatasetError(f"{path}: holds '{found or 'something else'}' where a file of {kind} is needed")
@@ -244,26 +249,27 @@ def write_bytes(content: bytes, path: Path, params: Mapping[str, Any]) -> None:
 def provenance_of(path: Path) -> dict[str, Any]:
     """What a NetCDF file, or the companion of another one, says of how it was made.
 
-    Raises DatasetError where it says nothing, or the content is not the one that was written.
+    Raises DatasetError where it says nothing, may not be read now, or the content is not the one that was written.
     """
+    if path.suffix == ".nc":
+        with opened(path, IF_MISSING, IF_BROKEN) as dataset:
+            return dict(dataset.attrs)
     try:
-        if path.suffix == ".nc":
-            with xr.open_dataset(path, engine="h5netcdf") as dataset:
-                return dict(dataset.attrs)
         companion = json.loads(Path(f"{path}.json").read_text(encoding="utf-8"))
         if companion["sha256"] == hashlib.sha256(path.read_bytes()).hexdigest():
             return companion
-    except (OSError, ValueError, KeyError, RuntimeError) as error:
+    except (OSError, ValueError, KeyError) as error:
         raise DatasetError(f"{path}: says nothing of how it was made ({_line(error)})") from None
     raise DatasetError(f"{path}: not the content that was written")
 
 
 def read_table(path: Path, columns: tuple[str, ...]) -> pd.DataFrame:
-    """The CSV at `path`. Raises DatasetError where it cannot be read or lacks one of `columns`."""
+    """The CSV at `path`. Raises DatasetError where it is broken, may not be read now, or lacks one of `columns`."""
+    content = content_of(path, IF_MISSING)
     try:
-        table = pd.read_csv(path, keep_default_na=True)
-    except (OSError, ValueError) as error:
-        raise DatasetError(f"{path}: not a readable table ({_line(error)}); delete it and run again") from None
+        table = pd.read_csv(BytesIO(content), keep_default_na=True)
+    except ValueError as error:
+        raise DatasetError(f"{path}: not a readable table ({_line(error)}); {IF_BROKEN}") from None
     missing = [column for column in columns if column not in table]
     if missing:
         raise DatasetError(f"{path}: lacks the column '{missing[0]}'; delete it and run again")
@@ -286,7 +292,7 @@ def _check(dataset: xr.Dataset, kind_of_file: str, path: Path) -> None:
 
 
 def place(content: bytes, path: Path) -> None:
-    """Write `content` to `path` whole or not at all. Raises DatasetError if it cannot."""
+    """Write `content` to `path` whole or not at all: beside it, then renamed. Raises DatasetError if it cannot."""
     with in_place_of(path) as beside:
         beside.write_bytes(content)
 
@@ -301,7 +307,7 @@ def in_place_of(path: Path) -> Iterator[Path]:
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        beside.write_bytes(b"")
+        beside.write_bytes(b"")  # where it cannot be made Python says why, netCDF4 does not
         yield beside
         with open(beside, "rb") as stream:
             os.fsync(stream.fileno())

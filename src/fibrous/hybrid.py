@@ -15,17 +15,17 @@ from numpy.typing import NDArray
 
 from fibrous.fe.solver import LoadStepError, LoadStepper, Solution
 from fibrous.fitting.hgo import Curves, HGOFit
-from fibrous.networks import homogenization
-from fibrous.networks.equilibrium import EquilibriumSolver, State
+from fibrous.networks.engine import Engine, PathState
+from fibrous.networks.lanes import LANES
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class FollowedNetwork:
-    """A network with its solver, H, shape (3, 3), and what its forces in kA are as stresses, MPa."""
+    """A network's engine, H, shape (3, 3), and what its forces in kA are as stresses, MPa."""
 
-    solver: EquilibriumSolver
+    engine: Engine
     structure_tensor: Array
     stress_scale_MPa: float
 
@@ -80,7 +80,7 @@ class LaggedRefit:
         before a step that was not reached.
         """
         steps, elements = len(targets), len(self.networks)
-        states: list[State | None] = [None] * elements
+        states: list[PathState | None] = [None] * elements
         record = _Record(steps, elements)
         solved: list[list[Solution]] = []
         constants = np.full((2, steps, elements), np.nan)
@@ -112,20 +112,25 @@ class LaggedRefit:
             start = solved[-1][-1].displacement[0]
         return found()
 
-    def _driven(self, part: Solution, step: int, before: list[State | None], record: _Record) -> list[State | None]:
+    def _driven(
+        self, part: Solution, step: int, before: list[PathState | None], record: _Record
+    ) -> list[PathState | None]:
         """States of the networks under their elements' average F; one that is lost waits at the state before."""
         gradients = part.deformation_gradient[0].mean(axis=1)
         states = list(before)
         for k, (network, gradient) in enumerate(zip(self.networks, gradients, strict=True)):
-            state = network.solver.equilibrium(gradient, before[k])
+            engine, scale = network.engine, network.stress_scale_MPa
+            start = before[k] or engine.rest()
+            state = engine.advance(start, np.repeat(gradient[..., None], LANES, axis=-1))
             record.gradient[step + 1, k] = gradient
-            if not state.converged:
+            if not state.converged.all():
                 record.energy[step + 1, k] = record.stress[step + 1, k] = np.nan
+                states[k] = start
                 continue
             states[k] = state
-            scale = network.stress_scale_MPa
-            record.energy[step + 1, k] = homogenization.strain_energy_density(network.solver, state, scale)
-            record.stress[step + 1, k] = homogenization.cauchy_stress(network.solver, state, scale)
+            W, P, _ = engine.measures()
+            record.energy[step + 1, k] = scale * W[0]
+            record.stress[step + 1, k] = scale * P[..., 0] @ gradient.T / np.linalg.det(gradient)
         return states
 
     def _fitted(self, record: _Record, step: int, C2: Array, C3: Array) -> tuple[Array, Array]:

@@ -2,7 +2,7 @@
 
 Nodes and elements are numbered from 0 in the order of the mesh file; lengths are in mm. Three files:
 
-mesh : any format that meshio reads, of eight-node hexahedra alone
+mesh : any format that meshio reads, of eight-node hexahedra alone; it reads some (XDMF, MED) with h5py only
 motion : CSV with columns node, enthesis, step, ux_mm, uy_mm, uz_mm. Every node of an enthesis has one row for each
     load step, steps counting from 1; displacements are those at the end of the step, from the reference position.
     Enthesis 1 is held fixed, enthesis 2 is moved; all other nodes are free.
@@ -22,9 +22,12 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pandas as pd
+from netCDF4 import Dataset
 from numpy.typing import NDArray
 
+from fibrous.errors import DatasetError
 from fibrous.fe.mesh import Mesh, MeshError
+from fibrous.netcdf import NETCDF_3, content_of
 from fibrous.specimen import FIXED, MOVED, NO_ENTHESIS, Specimen, structure_tensor_of
 
 Array = NDArray[np.float64]
@@ -77,6 +80,12 @@ def read_mesh(path: Path) -> Mesh:
 
 
 def _read_with_meshio(path: Path) -> meshio.Mesh:
+    try:
+        content = content_of(path, "specimen_files in the config names it")
+    except DatasetError as error:
+        raise MeshError(str(error)) from None
+    if content.startswith(NETCDF_3):
+        _refuse_cut(path, content)
     said = StringIO()
     try:
         # meshio prints what it finds wrong, and ends the process for some files.
@@ -84,9 +93,24 @@ def _read_with_meshio(path: Path) -> meshio.Mesh:
             return meshio.read(path)
     except MemoryError:
         raise
+    except ModuleNotFoundError as error:
+        raise MeshError(
+            f"{path}: meshio reads this format with {error.name}, which is not installed; "
+            f"pip install {error.name}, or convert the mesh to VTU"
+        ) from None
     except (Exception, SystemExit) as error:  # its readers let pass whatever they stumble over
         text = " ".join((said.getvalue() or str(error) or type(error).__name__).split())[:120]
         raise MeshError(f"{path}: not a mesh file that meshio can read ({text})") from None
+
+
+def _refuse_cut(path: Path, content: bytes) -> None:
+    """Refuse NetCDF-3 that is not whole: opened by its name, as meshio does it, what is missing is read as zeros."""
+    try:
+        with Dataset("mesh", memory=content) as dataset:
+            for variable in dataset.variables.values():
+                variable[...]
+    except (OSError, RuntimeError):
+        raise MeshError(f"{path}: not a whole NetCDF-3 file; export or copy the mesh again") from None
 
 
 def _read_motion(path: Path, node_count: int) -> tuple[Index, Array]:

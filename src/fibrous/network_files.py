@@ -1,8 +1,9 @@
 """A user's own network: nodes and fibres from CSV or NetCDF files, checked before anything is made of them.
 
 Positions are in edges of the unit cube centred on the origin. CSV: one file with columns x, y, z and, if wanted,
-boundary (0 or 1), one with columns tail, head (node numbers from 0). NetCDF: variables node_position(node, axis),
-fiber_nodes(fiber, end) and, if wanted, node_is_boundary(node). Without the last, nodes on a face are the boundary.
+boundary (0 or 1), one with columns tail, head (node numbers from 0). NetCDF (NetCDF-3 or NetCDF-4): variables
+node_position(node, axis), fiber_nodes(fiber, end) and, if wanted, node_is_boundary(node). Without the last, nodes on a
+face are the boundary.
 """
 
 from __future__ import annotations
@@ -12,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 
-from fibrous.errors import NetworkError
+from fibrous.errors import DatasetError, NetworkError
+from fibrous.netcdf import opened
 from fibrous.networks.network import Network, checked
 
 ON_FACE = 1e-9
@@ -78,10 +79,10 @@ def _table(path: Path) -> pd.DataFrame:
 
 def _read_netcdf(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     try:
-        with xr.open_dataset(path, engine="h5netcdf") as opened:
-            dataset = opened.load()
-    except (OSError, ValueError, KeyError, RuntimeError) as error:
-        raise NetworkError(f"{path}: not a readable NetCDF-4 file ({' '.join(str(error).split())[:120]})") from None
+        with opened(path, "network_files in the config names it", "save it anew as NetCDF-3 or NetCDF-4") as dataset:
+            dataset.load()
+    except DatasetError as error:
+        raise NetworkError(str(error)) from None
     for name, columns in (("node_position", 3), ("fiber_nodes", 2)):
         if name not in dataset:
             raise NetworkError(f"{path}: lacks the variable '{name}'")

@@ -1,7 +1,6 @@
 # What the rules share: the checked config, the command of a job, and the questions put to fibrous.study.stages.
 
 import fcntl
-import json
 import os
 import re
 import sys
@@ -10,7 +9,7 @@ from pathlib import Path
 from fibrous.errors import FibrousError
 from fibrous.report.outline import SECTIONS
 from fibrous.study import configuration, convergence, plan, stages, variants
-from fibrous.study.job import STUDY_CONFIG
+from fibrous.study.job import hand_over
 
 try:
     config = configuration.validated(config)
@@ -20,8 +19,13 @@ except FibrousError as error:
 
 # A bare `python` may be another one or none. The rules `exec` it, so that a job is Snakemake's own child and dies with it.
 os.environ.update(PYTHON=sys.executable)
-os.environ[STUDY_CONFIG] = json.dumps(config, sort_keys=True)
+JOB = 'exec "$PYTHON" -m fibrous.study.job {params.job:q} --config {resources.config:q} > {log:q} 2>&1'
+LONG_JOB = (
+    'exec "$PYTHON" -m fibrous.study.job {params.job:q} --config {resources.config:q}'
+    " --threads {threads} --terminal 3 3>&2 > {log:q} 2>&1"
+)
 
+PARAMS = stages.Params(config)
 
 # Section and title of the figure that each stage draws.
 FIGURES = {one.stage: (section.title, one.title) for section in SECTIONS for one in section.exhibits if one.stage}
@@ -59,9 +63,9 @@ def inputs(stage):
     return lambda wildcards: stages.STAGES[stage].inputs(config, dict(wildcards.items()))
 
 
-def params(stage):
-    # One string: Snakemake compares params as a set without names, so that swapped values would go unnoticed.
-    return lambda wildcards: json.dumps(stages.stage_params(stage, config, dict(wildcards.items())), sort_keys=True)
+def job(stage):
+    # The file that says what a job has to do. Its name changes with its content, and then Snakemake runs the job.
+    return lambda wildcards: hand_over(PARAMS.with_files(stage, dict(wildcards.items())))
 
 
 def end_of_run():
@@ -100,3 +104,5 @@ def clear_stale_locks():
 
 
 RUN_MARK = clear_stale_locks()
+# The whole config is recorded in every result. A resource, no param: a change reruns what depends on it and nothing else.
+CONFIG = hand_over(config)

@@ -11,14 +11,13 @@ rule table_1:
     threads: 1
     resources:
         mem_mb=1000,
+        config=CONFIG,
     params:
-        params("surface"),
+        job=job("surface"),
     message:
         "Fitting the surface of Eq. 11 and setting it beside Table 1"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input fits {input.fits:q}'
-        " --output surface {output.surface:q} --output table_1 {output.table_1:q}"
-        " --output surface_over_triangle {output.surface_over_triangle:q} > {log:q} 2>&1"
+        JOB
 
 
 rule figure_3:
@@ -31,14 +30,13 @@ rule figure_3:
     threads: 1
     resources:
         mem_mb=1500,
+        config=CONFIG,
     params:
-        params("figure_3"),
+        job=job("figure_3"),
     message:
         "Drawing Figure 3: the case-study network deformed, and its realignment"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input states {input.states:q} --input curves {input.curves:q}'
-        " --output png {output.png:q} --output svg {output.svg:q}"
-        " --output data {output.data:q} > {log:q} 2>&1"
+        JOB
 
 
 rule figure_5:
@@ -51,14 +49,13 @@ rule figure_5:
     threads: 1
     resources:
         mem_mb=1000,
+        config=CONFIG,
     params:
-        params("figure_5"),
+        job=job("figure_5"),
     message:
         "Drawing Figure 5: curves of the case-study network with their fits"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input curves {input.curves:q} --input fits {input.fits:q}'
-        " --output png {output.png:q} --output svg {output.svg:q}"
-        " --output data {output.data:q} > {log:q} 2>&1"
+        JOB
 
 
 rule figure_6:
@@ -71,16 +68,13 @@ rule figure_6:
     threads: 1
     resources:
         mem_mb=1500,
+        config=CONFIG,
     params:
-        params("figure_6"),
+        job=job("figure_6"),
     message:
         "Drawing Figure 6: five networks with their curves, and the surface over alignment"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input networks {input.networks:q} --input curves {input.curves:q}'
-        " --input fits {input.fits:q} --input surface {input.surface:q}"
-        " --output png {output.png:q} --output svg {output.svg:q}"
-        " --output curves {output.curves:q} --output constants {output.constants:q}"
-        " --output surface {output.surface:q} > {log:q} 2>&1"
+        JOB
 
 
 rule figure_7:
@@ -91,13 +85,13 @@ rule figure_7:
     threads: 1
     resources:
         mem_mb=1000,
+        config=CONFIG,
     params:
-        params("figure_7"),
+        job=job("figure_7"),
     message:
         "Drawing Figure 7: the three-fibre example, computed"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --output png {output.png:q} --output svg {output.svg:q}'
-        " --output data {output.data:q} > {log:q} 2>&1"
+        JOB
 
 
 rule figure_8:
@@ -110,14 +104,13 @@ rule figure_8:
     threads: 1
     resources:
         mem_mb=1000,
+        config=CONFIG,
     params:
-        params("figure_8"),
+        job=job("figure_8"),
     message:
         "Drawing Figure 8: stresses of the network and of the laws under Eq. 9"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input stresses {input.stresses:q}'
-        " --output png {output.png:q} --output svg {output.svg:q}"
-        " --output data {output.data:q} > {log:q} 2>&1"
+        JOB
 
 
 rule figure_specimen:
@@ -130,11 +123,10 @@ rule figure_specimen:
     threads: 1
     resources:
         mem_mb=1500,
+        config=CONFIG,
     params:
-        params("figure_specimen"),
+        job=job("figure_specimen"),
     message:
         "Drawing the specimen, its constants and its deformation"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input specimen {input.specimen:q} --input tissue {input.tissue:q}'
-        " --output png {output.png:q} --output svg {output.svg:q}"
-        " --output data {output.data:q} > {log:q} 2>&1"
+        JOB

@@ -13,11 +13,10 @@ rule deform_tissue_with_lagged_constants:
     threads: 1
     resources:
         mem_mb=4000,
+        config=CONFIG,
     params:
-        params("lagged"),
+        job=job("lagged"),
     message:
         "Deforming the specimen, with constants fitted anew at every load step: run {wildcards.run}"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input specimen {input.specimen:q}'
-        " --input fits {input.fits:q} --input networks {input.networks:q}"
-        " --output tissue {output.tissue:q} --output vtu {output.vtu:q} > {log:q} 2>&1"
+        JOB

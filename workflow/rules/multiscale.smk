@@ -13,13 +13,13 @@ if stages.STAGES["comparison"].instances(config):
         threads: 1
         resources:
             mem_mb=4000,
+            config=CONFIG,
         params:
-            params("comparison"),
+            job=job("comparison"),
         message:
             "Comparing every run of the tissue with the one with networks"
         shell:
-            'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input tissue {input.tissue:q}'
-            " --output comparison {output.comparison:q} --output steps {output.steps:q} > {log:q} 2>&1"
+            JOB
 
     rule figure_comparison:
         input:
@@ -31,13 +31,13 @@ if stages.STAGES["comparison"].instances(config):
         threads: 1
         resources:
             mem_mb=1000,
+            config=CONFIG,
         params:
-            params("figure_comparison"),
+            job=job("figure_comparison"),
         message:
             "Drawing the errors of every run, and how they grow"
         shell:
-            'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input comparison {input.comparison:q} --input steps {input.steps:q}'
-            " --output png {output.png:q} --output svg {output.svg:q} --output data {output.data:q} > {log:q} 2>&1"
+            JOB
 
 
 if stages.STAGES["table_2"].instances(config):
@@ -52,13 +52,13 @@ if stages.STAGES["table_2"].instances(config):
         threads: 1
         resources:
             mem_mb=1000,
+            config=CONFIG,
         params:
-            params("table_2"),
+            job=job("table_2"),
         message:
             "Summing up CPU-hours beside Table 2"
         shell:
-            'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input networks {input.networks:q} --input initial {input.initial:q} --input refit {input.refit:q} --input hybrid {input.hybrid:q} --input multiscale {input.multiscale:q}'
-            " --output table_2 {output.table_2:q} --output parts {output.parts:q} > {log:q} 2>&1"
+            JOB
 
     rule figure_9:
         input:
@@ -70,13 +70,13 @@ if stages.STAGES["table_2"].instances(config):
         threads: 1
         resources:
             mem_mb=4000,
+            config=CONFIG,
         params:
-            params("figure_9"),
+            job=job("figure_9"),
         message:
             "Drawing Figure 9: maximum shear of the run with networks and of the hybrid method"
         shell:
-            'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input specimen {input.specimen:q} --input tissue {input.tissue:q}'
-            " --output png {output.png:q} --output svg {output.svg:q} --output data {output.data:q} > {log:q} 2>&1"
+            JOB
 
 
 rule claims:
@@ -89,16 +89,13 @@ rule claims:
     threads: 1
     resources:
         mem_mb=2000,
+        config=CONFIG,
     params:
-        params("claims"),
+        job=job("claims"),
     message:
         "Judging every statement of the paper"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input networks {input.networks:q} --input small {input.small:q} --input large {input.large:q} --input path {input.path:q}'
-        " --input fits_small {input.fits_small:q} --input fits_large {input.fits_large:q} --input fits_initial {input.fits_initial:q} --input fits_refit {input.fits_refit:q}"
-        " --input ensemble {input.ensemble:q} --input ensemble_fits_small {input.ensemble_fits_small:q} --input ensemble_fits_large {input.ensemble_fits_large:q}"
-        " --input surface {input.surface:q} --input tissue {input.tissue:q} --input tissue_networks {input.tissue_networks:q} --input table_2 {input.table_2:q}"
-        " --output claims {output.claims:q} > {log:q} 2>&1"
+        JOB
 
 
 rule follow_network:
@@ -111,13 +108,13 @@ rule follow_network:
     threads: 1
     resources:
         mem_mb=2500,
+        config=CONFIG,
     params:
-        params("microstructure"),
+        job=job("microstructure"),
     message:
         "Following the network of element {wildcards.element} through run {wildcards.run}"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input networks {input.networks:q} --input specimen {input.specimen:q} --input tissue {input.tissue:q}'
-        " --output states {output.states:q} > {log:q} 2>&1"
+        JOB
 
 
 rule figure_microstructure:
@@ -130,13 +127,13 @@ rule figure_microstructure:
     threads: 1
     resources:
         mem_mb=1500,
+        config=CONFIG,
     params:
-        params("figure_microstructure"),
+        job=job("figure_microstructure"),
     message:
         "Drawing networks inside elements of the tissue"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input states {input.states:q}'
-        " --output png {output.png:q} --output svg {output.svg:q} --output data {output.data:q} > {log:q} 2>&1"
+        JOB
 
 
 rule microstructure:

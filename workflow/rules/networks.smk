@@ -18,10 +18,10 @@ rule make_networks:
     threads: 1
     resources:
         mem_mb=1000,
+        config=CONFIG,
     params:
-        params("networks"),
+        job=job("networks"),
     message:
         "Making batch {wildcards.batch} of the {wildcards.ensemble} networks"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input files {input.files:q}'
-        " --output networks {output.networks:q} > {log:q} 2>&1"
+        JOB

@@ -11,13 +11,13 @@ rule figure_2:
     threads: 1
     resources:
         mem_mb=1500,
+        config=CONFIG,
     params:
-        params("figure_2"),
+        job=job("figure_2"),
     message:
         "Drawing Figure 2: from fibers to two constants"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input networks {input.networks:q} --input states {input.states:q} --input curves {input.curves:q} --input fits {input.fits:q}'
-        " --output png {output.png:q} --output svg {output.svg:q} --output data {output.data:q} > {log:q} 2>&1"
+        JOB
 
 
 if stages.STAGES["figure_4"].instances(config):
@@ -32,14 +32,13 @@ if stages.STAGES["figure_4"].instances(config):
         threads: 1
         resources:
             mem_mb=3000,
+            config=CONFIG,
         params:
-            params("figure_4"),
+            job=job("figure_4"),
         message:
             "Drawing Figure 4: the hybrid method, and the stages of the study"
         shell:
-            'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input specimen {input.specimen:q} --input networks {input.networks:q} --input curves {input.curves:q} --input fits {input.fits:q}'
-            " --input refit_curves {input.refit_curves:q} --input refits {input.refits:q} --input tissue {input.tissue:q}"
-            " --output png {output.png:q} --output svg {output.svg:q} --output data {output.data:q} > {log:q} 2>&1"
+            JOB
 
 
 rule sum_up_costs:
@@ -52,13 +51,13 @@ rule sum_up_costs:
     threads: 1
     resources:
         mem_mb=1000,
+        config=CONFIG,
     params:
-        params("stage_costs"),
+        job=job("stage_costs"),
     message:
         "Summing up what every stage and every target costs"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input files {input.files:q}'
-        " --output stages {output.stages:q} --output targets {output.targets:q} > {log:q} 2>&1"
+        JOB
 
 
 rule show_table:
@@ -71,12 +70,13 @@ rule show_table:
     threads: 1
     resources:
         mem_mb=1000,
+        config=CONFIG,
     params:
-        params("table_page"),
+        job=job("table_page"),
     message:
         "Writing table {wildcards.table} as a page"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input table {input.table:q} --output page {output.page:q} > {log:q} 2>&1'
+        JOB
 
 
 rule report:
@@ -89,9 +89,10 @@ rule report:
     threads: 1
     resources:
         mem_mb=1000,
+        config=CONFIG,
     params:
-        params("report"),
+        job=job("report"),
     message:
         "Writing the report"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input figures {input.figures:q} --input tables {input.tables:q} --output page {output.page:q} > {log:q} 2>&1'
+        JOB

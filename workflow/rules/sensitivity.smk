@@ -11,12 +11,13 @@ rule try_variant:
     threads: 1
     resources:
         mem_mb=1500,
+        config=CONFIG,
     params:
-        params("sensitivity"),
+        job=job("sensitivity"),
     message:
         "Making, loading and fitting networks for the sensitivities: variant {wildcards.variant}"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --output trials {output.trials:q} > {log:q} 2>&1'
+        JOB
 
 
 rule tables_of_sensitivity:
@@ -29,13 +30,13 @@ rule tables_of_sensitivity:
     threads: 1
     resources:
         mem_mb=1000,
+        config=CONFIG,
     params:
-        params("sensitivity_tables"),
+        job=job("sensitivity_tables"),
     message:
         "Summing up how the constants move"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input trials {input.trials:q}'
-        " --output table {output.table:q} --output sentences {output.sentences:q} > {log:q} 2>&1"
+        JOB
 
 
 rule figure_sensitivity:
@@ -48,13 +49,13 @@ rule figure_sensitivity:
     threads: 1
     resources:
         mem_mb=1000,
+        config=CONFIG,
     params:
-        params("figure_sensitivity"),
+        job=job("figure_sensitivity"),
     message:
         "Drawing how the constants move"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input trials {input.trials:q}'
-        " --output png {output.png:q} --output svg {output.svg:q} --output data {output.data:q} > {log:q} 2>&1"
+        JOB
 
 
 rule sensitivity:

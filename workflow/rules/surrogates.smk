@@ -25,13 +25,13 @@ rule deform_networks:
     threads: 1
     resources:
         mem_mb=1500,
+        config=CONFIG,
     params:
-        params("curves"),
+        job=job("curves"),
     message:
         "Deforming batch {wildcards.batch} of the {wildcards.ensemble} networks by the loads of protocol {wildcards.protocol}"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input networks {input.networks:q}'
-        " --output curves {output.curves:q} > {log:q} 2>&1"
+        JOB
 
 
 rule record_states:
@@ -44,13 +44,13 @@ rule record_states:
     threads: 1
     resources:
         mem_mb=1500,
+        config=CONFIG,
     params:
-        params("states"),
+        job=job("states"),
     message:
         "Recording every deformed state of network {wildcards.network} under protocol {wildcards.protocol}"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input networks {input.networks:q}'
-        " --output states {output.states:q} > {log:q} 2>&1"
+        JOB
 
 
 rule fit_networks:
@@ -63,13 +63,13 @@ rule fit_networks:
     threads: 1
     resources:
         mem_mb=1500,
+        config=CONFIG,
     params:
-        params("fits"),
+        job=job("fits"),
     message:
         "Fitting Eq. 2 to the curves of the {wildcards.ensemble} networks under protocol {wildcards.protocol}"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input curves {input.curves:q}'
-        " --output fits {output.fits:q} > {log:q} 2>&1"
+        JOB
 
 
 rule list_unconverged_states:
@@ -82,10 +82,10 @@ rule list_unconverged_states:
     threads: 1
     resources:
         mem_mb=1000,
+        config=CONFIG,
     params:
-        params("convergence"),
+        job=job("convergence"),
     message:
         "Listing the states that found no equilibrium"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input curves {input.curves:q}'
-        " --output convergence {output.convergence:q} > {log:q} 2>&1"
+        JOB

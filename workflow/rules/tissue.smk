@@ -11,12 +11,13 @@ rule specimen:
     threads: 1
     resources:
         mem_mb=1000,
+        config=CONFIG,
     params:
-        params("specimen"),
+        job=job("specimen"),
     message:
         "Making the specimen: mesh, fibers, and the motion of its entheses"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --output specimen {output.specimen:q} > {log:q} 2>&1'
+        JOB
 
 
 rule tissue:
@@ -36,14 +37,13 @@ rule deform_networks_as_in_tissue:
     threads: 1
     resources:
         mem_mb=1500,
+        config=CONFIG,
     params:
-        params("refit_curves"),
+        job=job("refit_curves"),
     message:
         "Deforming batch {wildcards.batch} of the tissue's networks as their elements are in run {wildcards.run}"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input networks {input.networks:q}'
-        " --input specimen {input.specimen:q} --input tissue {input.tissue:q}"
-        " --output curves {output.curves:q} > {log:q} 2>&1"
+        JOB
 
 
 rule refit_networks:
@@ -56,13 +56,13 @@ rule refit_networks:
     threads: 1
     resources:
         mem_mb=1500,
+        config=CONFIG,
     params:
-        params("refits"),
+        job=job("refits"),
     message:
         "Fitting the constants anew to the deformation of run {wildcards.run}"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input curves {input.curves:q}'
-        " --output fits {output.fits:q} > {log:q} 2>&1"
+        JOB
 
 
 rule deform_tissue:
@@ -77,14 +77,13 @@ rule deform_tissue:
     threads: 1
     resources:
         mem_mb=2500,
+        config=CONFIG,
     params:
-        params("tissue"),
+        job=job("tissue"),
     message:
         "Deforming the specimen: run {wildcards.run}"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input specimen {input.specimen:q}'
-        " --input fits {input.fits:q} --input surface {input.surface:q} --input networks {input.networks:q}"
-        " --output tissue {output.tissue:q} --output vtu {output.vtu:q} > {log:q} 2>&1"
+        JOB
 
 
 rule deform_tissue_with_networks:
@@ -99,14 +98,13 @@ rule deform_tissue_with_networks:
     threads: workflow.resource_settings.cores or 1
     resources:
         mem_mb=6000,
+        config=CONFIG,
     params:
-        params("multiscale"),
+        job=job("multiscale"),
     message:
         "Deforming the specimen with a network at every Gauss point: run {wildcards.run}"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --threads {threads} --terminal 3'
-        " --input specimen {input.specimen:q} --input networks {input.networks:q}"
-        " --output tissue {output.tissue:q} --output vtu {output.vtu:q} 3>&2 > {log:q} 2>&1"
+        LONG_JOB
 
 
 rule write_febio_model:
@@ -119,13 +117,13 @@ rule write_febio_model:
     threads: 1
     resources:
         mem_mb=1000,
+        config=CONFIG,
     params:
-        params("febio"),
+        job=job("febio"),
     message:
         "Writing the problem of run {wildcards.run} for FEBio"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input specimen {input.specimen:q}'
-        " --input tissue {input.tissue:q} --output feb {output.feb:q} > {log:q} 2>&1"
+        JOB
 
 
 rule tissue_table:
@@ -138,13 +136,13 @@ rule tissue_table:
     threads: 1
     resources:
         mem_mb=2500,
+        config=CONFIG,
     params:
-        params("tissue_table"),
+        job=job("tissue_table"),
     message:
         "Setting the finite element runs side by side"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input tissue {input.tissue:q}'
-        " --output table {output.table:q} > {log:q} 2>&1"
+        JOB
 
 
 rule case_study:
@@ -157,11 +155,10 @@ rule case_study:
     threads: 1
     resources:
         mem_mb=1000,
+        config=CONFIG,
     params:
-        params("case_study"),
+        job=job("case_study"),
     message:
         "Trying the laws on a deformation that they were not fitted to (section 2.6)"
     shell:
-        'exec "$PYTHON" -m fibrous.study.job --params {params:q} --input networks {input.networks:q}'
-        " --input curves {input.curves:q} --input fits {input.fits:q}"
-        " --output stresses {output.stresses:q} --output errors {output.errors:q} > {log:q} 2>&1"
+        JOB

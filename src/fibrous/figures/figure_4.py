@@ -144,13 +144,15 @@ def draw_stages(axes: Axes, stages: Sequence[Mapping[str, Any]]) -> None:
     reads = {stage["stage"]: [one for one in stage["reads"] if one != stage["stage"]] for stage in stages}
     found = chart(reads)
     heights = [height for _, height in found.position.values()]
+    bends = [height for path in found.paths.values() for _, height in path]
     layers = max(layer for layer, _ in found.position.values())
     for path in found.paths.values():
         _draw_path(axes, path)
     _draw_back(axes, found)
     for stage in stages:
         _draw_box(axes, found.position[stage["stage"]], stage)
-    axes.set(xlim=(-0.5, layers + 0.5), ylim=(max(heights) + 0.55, min(heights) - 0.95))
+    bottom, top = max(max(heights) + 0.55, max(bends) + 0.1), min(min(heights) - 0.95, min(bends) - 0.1)
+    axes.set(xlim=(-0.5, layers + 0.5), ylim=(bottom, top))
     axes.set_axis_off()
 
 

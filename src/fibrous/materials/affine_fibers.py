@@ -41,7 +41,8 @@ class AffineFibers(PerElement):
 
     Raises MaterialError for directions that are no unit vectors, negative weights, and shapes other than these.
 
-    >>> one = AffineFibers(np.array([[1.0, 0.0, 0.0]]), np.array([2.0]), FiberLaw(2.5))
+    >>> from fibrous.networks.fiber_law import ExponentialFiber
+    >>> one = AffineFibers(np.array([[1.0, 0.0, 0.0]]), np.array([2.0]), ExponentialFiber(2.5))
     >>> float(one(np.eye(3))[1][0, 0, 0, 0])
     2.0
     """
@@ -66,14 +67,21 @@ class AffineFibers(PerElement):
 
     @classmethod
     def of_networks(cls, networks: Sequence[Network], law: FiberLaw, scale: float) -> Self:
-        """The fibres of one network an element; `scale` = k A/χ² in MPa from `networks.homogenization.stress_scale`."""
+        """The fibres of one network per element; `scale` = k A/χ² in MPa from `networks.path.stress_scale`.
+
+        Raises MaterialError for a law with numbers per fibre, or with rest lengths other than in the networks.
+        """
+        if any(np.ndim(number) for number in (law.section, *law.constants())) or np.any(
+            np.asarray(law.rest_length) != 1
+        ):
+            raise MaterialError("the affine sum has a law for all fibers: give it numbers, and rest_length 1")
         most = max(len(network.fiber_nodes) for network in networks)
         directions, weights = np.zeros((len(networks), 1, most, 3)), np.zeros((len(networks), 1, most))
         directions[..., 0] = 1.0  # fibres of no weight, that fill up
         for element, network in enumerate(networks):
             count, lengths = len(network.fiber_nodes), network.fiber_lengths
             directions[element, 0, :count] = network.fiber_vectors / lengths[:, None]
-            weights[element, 0, :count] = scale * lengths
+            weights[element, 0, :count] = scale * law.section * lengths
         return cls(directions, weights, law)
 
     @classmethod

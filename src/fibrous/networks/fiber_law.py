@@ -1,87 +1,267 @@
-"""The exponential fibre (Eq. 6): force, stiffness and energy of one fibre as functions of its stretch.
+"""Laws of a fibre: reduced force, stiffness and energy as functions of its stretch (Eq. 6, and a fibre that buckles).
 
-All functions work on the reduced law, force over kA; a fibre of reference length L then has the energy kA L w(λ).
+A fibre of rest length L and axial stiffness kA has the force kA f(λ) and the energy kA L w(λ), w = ∫ f dλ from 1, at
+the stretch λ = length/L. Every law stands here once, as compiled functions of a stretch and two constants that work on
+eight numbers at a time; the engine, the guard and the laws of tissue all call them.
+
+To add a law: a number for it, two compiled functions with their branch in `respond` and `store_energy`, and a subclass
+of `FiberLaw`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import dawsn
 
+from fibrous.compiled import njit
 from fibrous.errors import ConfigError
+from fibrous.networks.lanes import (
+    LANES,
+    LARGEST_EXPONENT,
+    choose,
+    exponential_less_one,
+    greatest,
+    least,
+    load,
+    magnitude,
+    store,
+)
 
 Array = NDArray[np.float64]
+#: A number for all fibres, or numbers of shape (fibers,).
+Number = float | Array
 
-# |λ − 1| below which the closed form of the energy loses more digits to cancellation than the series drops terms.
-SERIES_RANGE = 0.05
-SERIES_TERMS = 30
+#: Numbers of the laws in compiled code.
+EXPONENTIAL, BUCKLING = range(2)
+#: Columns of the constants of fibres.
+SECTION, FIRST, SECOND = range(3)
 
 
-@dataclass(frozen=True)
-class FiberLaw:
-    """Force f = (kA/B)(exp[B E] − 1) with E = (λ² − 1)/2 (Eq. 6), reduced by kA.
+class Fibers(NamedTuple):
+    """Fibres as compiled code takes them.
+
+    kind : number of their law
+    rest_lengths : lengths without force, shape (fibers,), edges
+    constants : section and the two constants of the law, shape (fibers, 3), or (1, 3) where all fibres have the same
+    """
+
+    kind: int
+    rest_lengths: Array
+    constants: Array
+
+
+# Gauss's rule for the energy of Eq. 6, and how far the exponent may run over an interval for rounding to be all it
+# misses.
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
+LONGEST_INTERVAL = 8.0
+
+
+@njit(nogil=True, error_model="numpy")
+def _exponential(stretch, nonlinearity, linear_beyond):  # type: ignore[no-untyped-def]
+    """f and df/dλ of Eq. 6, continued along its tangent beyond a stretch."""
+    cut = least(stretch, linear_beyond)
+    growth = exponential_less_one(0.5 * nonlinearity * (cut * cut - 1.0))
+    stiffness = cut * (growth + 1.0)
+    return growth * (1.0 / nonlinearity) + stiffness * (stretch - cut), stiffness
+
+
+@njit(nogil=True, error_model="numpy")
+def _exponential_energy(stretch, nonlinearity, linear_beyond):  # type: ignore[no-untyped-def]
+    """w of Eq. 6, which has no elementary form, by Gauss's rule over intervals of the way from 1 to the stretch."""
+    cut = least(stretch, linear_beyond)
+    exponent = magnitude(0.5 * nonlinearity * (cut * cut - 1.0))
+    intervals = 1 + int(greatest(least(exponent, LARGEST_EXPONENT)) / LONGEST_INTERVAL)
+    half = (cut - 1.0) * (0.5 / intervals)
+    total = 0.0 * cut
+    for i in range(intervals):
+        for p in range(len(_NODES)):
+            along = 1.0 + half * (2.0 * i + 1.0 + _NODES[p])
+            total = total + _WEIGHTS[p] * exponential_less_one(0.5 * nonlinearity * (along * along - 1.0))
+    beyond = stretch - cut
+    force, stiffness = _exponential(cut, nonlinearity, linear_beyond)
+    return half * total * (1.0 / nonlinearity) + beyond * (force + 0.5 * beyond * stiffness)
+
+
+@njit(nogil=True, error_model="numpy")
+def _buckling(stretch, compressive, unused):  # type: ignore[no-untyped-def]
+    """f and df/dλ of a linear fibre with another stiffness in compression."""
+    strain = stretch - 1.0
+    stiffness = choose(stretch, 1.0, compressive, 1.0)
+    return stiffness * strain, stiffness
+
+
+@njit(nogil=True, error_model="numpy")
+def _buckling_energy(stretch, compressive, unused):  # type: ignore[no-untyped-def]
+    """w = f²/(2 df/dλ), on either side of rest."""
+    return 0.5 * _buckling(stretch, compressive, unused)[0] * (stretch - 1.0)
+
+
+@njit(nogil=True, error_model="numpy")
+def respond(kind, stretch, first, second):  # type: ignore[no-untyped-def]
+    """f and df/dλ of the law of that number with its constants; vectors of lanes, or numbers beside such."""
+    if kind == EXPONENTIAL:
+        return _exponential(stretch, first, second)
+    return _buckling(stretch, first, second)
+
+
+@njit(nogil=True, error_model="numpy")
+def energy(kind, stretch, first, second):  # type: ignore[no-untyped-def]
+    """w of the law of that number, as `respond`."""
+    if kind == EXPONENTIAL:
+        return _exponential_energy(stretch, first, second)
+    return _buckling_energy(stretch, first, second)
+
+
+@njit(nogil=True, error_model="numpy")
+def _evaluate(kind: int, stretch: Array, first: Array, second: Array, result: Array, with_energy: bool) -> None:
+    """Fill `result`, (n, 3, lanes), with f, df/dλ and, if asked for, w at stretches and constants (n, lanes)."""
+    for m in range(len(stretch)):
+        x, a, b = load(stretch, (m,)), load(first, (m,)), load(second, (m,))
+        force, stiffness = respond(kind, x, a, b)
+        store(result, (m, 0), force)
+        store(result, (m, 1), stiffness)
+        if with_energy:
+            store(result, (m, 2), energy(kind, x, a, b))
+
+
+@dataclass(frozen=True, eq=False)
+class FiberLaw(ABC):
+    """What all laws share: sections and rest lengths of the fibres.
 
     Parameters
     ----------
-    nonlinearity : B > 0
-    linear_beyond : stretch above 1 beyond which the force continues along its tangent; infinity for Eq. 6 as printed
+    section : kA of a fibre over the network's kA, above 0, a number or shape (fibers,)
+    rest_length : a fibre's length without force over the distance of its ends in the network as it is given, above 0,
+        a number or shape (fibers,); other numbers than 1 put the network under stress at rest
 
-    Raises ConfigError for a nonlinearity or a stretch outside these ranges.
+    Raises ConfigError for numbers outside these ranges.
+    """
 
-    >>> force, stiffness = FiberLaw(2.5).response(1.0)
+    kind: ClassVar[int]
+
+    section: Number = field(default=1.0, kw_only=True)
+    rest_length: Number = field(default=1.0, kw_only=True)
+
+    def __post_init__(self) -> None:
+        for name in ("section", "rest_length"):
+            _check(name, getattr(self, name), lambda value: value > 0.0, "a number above 0")
+
+    @abstractmethod
+    def constants(self) -> tuple[Number, Number]:
+        """The two constants of the compiled functions, numbers or of shape (fibers,)."""
+
+    def fibers(self, lengths: Array) -> Fibers:
+        """The fibres of a network with distances of their ends, shape (fibers,), edges.
+
+        Raises ConfigError where the law has numbers for another number of fibres.
+        """
+        columns = (self.section, *self.constants())
+        for values in (self.rest_length, *columns):
+            if np.ndim(values) and np.shape(values) != lengths.shape:
+                raise ConfigError(
+                    f"the fibre law has {np.shape(values)[0]} numbers where the network has {len(lengths)} fibers"
+                )
+        constants = np.stack(np.broadcast_arrays(*columns), axis=-1, dtype=float).reshape(-1, 3)
+        return Fibers(self.kind, lengths * self.rest_length, np.ascontiguousarray(constants))
+
+    def response(self, stretch: ArrayLike) -> tuple[Array, Array]:
+        """f and df/dλ for stretches λ of any shape; with numbers per fibre the last axis is the fibre."""
+        force, stiffness, _ = self._evaluated(stretch, with_energy=False)
+        return force, stiffness
+
+    def energy(self, stretch: ArrayLike) -> Array:
+        """w(λ) = ∫ f dλ from 1, for stretches λ as of `response`."""
+        return self._evaluated(stretch, with_energy=True)[2]
+
+    def _evaluated(self, stretch: ArrayLike, with_energy: bool) -> Array:
+        stretch, first, second = np.broadcast_arrays(np.asarray(stretch, dtype=float), *self.constants())
+        count = -(-stretch.size // LANES)
+        stretches, *constants = np.ones((3, count * LANES))
+        for padded, values in zip((stretches, *constants), (stretch, first, second), strict=True):
+            padded[: values.size] = values.ravel()
+        result = np.empty((count, 3, LANES))
+        rows = (count, LANES)
+        _evaluate(
+            self.kind,
+            stretches.reshape(rows),
+            constants[0].reshape(rows),
+            constants[1].reshape(rows),
+            result,
+            with_energy,
+        )
+        return result.transpose(1, 0, 2).reshape(3, -1)[:, : stretch.size].reshape(3, *stretch.shape)
+
+
+@dataclass(frozen=True, eq=False)
+class ExponentialFiber(FiberLaw):
+    """Force f = (exp[B E] − 1)/B with E = (λ² − 1)/2 (Eq. 6).
+
+    Parameters
+    ----------
+    nonlinearity : B > 0, a number or shape (fibers,)
+    linear_beyond : stretch above 1 beyond which the force continues along its tangent, a number or shape (fibers,);
+        infinity for Eq. 6 as printed
+    section, rest_length : as of `FiberLaw`
+
+    Raises ConfigError for numbers outside these ranges.
+
+    >>> force, stiffness = ExponentialFiber(2.5).response(1.0)
     >>> float(force), float(stiffness)
     (0.0, 1.0)
     """
 
-    nonlinearity: float
-    linear_beyond: float = np.inf
+    kind: ClassVar[int] = EXPONENTIAL
+
+    nonlinearity: Number
+    linear_beyond: Number = np.inf
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.nonlinearity) and self.nonlinearity > 0.0):
-            raise ConfigError(f"fiber.nonlinearity is {self.nonlinearity}; it must be a number above 0")
-        if not self.linear_beyond > 1.0:
-            raise ConfigError(f"fiber.linear_beyond_stretch is {self.linear_beyond}; it must be above 1")
+        super().__post_init__()
+        _check("nonlinearity", self.nonlinearity, lambda value: np.isfinite(value) & (value > 0.0), "a number above 0")
+        _check("linear_beyond_stretch", self.linear_beyond, lambda value: value > 1.0, "above 1")
 
-    def response(self, stretch: ArrayLike) -> tuple[Array, Array]:
-        """f/kA and d(f/kA)/dλ for stretches λ of any shape."""
-        stretch = np.asarray(stretch, dtype=float)
-        cut = np.minimum(stretch, self.linear_beyond)
-        growth = np.expm1(0.5 * self.nonlinearity * (cut * cut - 1.0))
-        stiffness = cut * (1.0 + growth)
-        force = growth / self.nonlinearity
-        if np.isfinite(self.linear_beyond):
-            force = force + stiffness * (stretch - cut)
-        return force, stiffness
+    def constants(self) -> tuple[Number, Number]:
+        """B and the stretch beyond which the force is linear."""
+        return self.nonlinearity, self.linear_beyond
 
-    def energy(self, stretch: ArrayLike) -> Array:
-        """w(λ) = ∫ f/kA dλ from 1, for stretches λ of any shape.
 
-        In closed form ∫ exp[B(λ² − 1)/2] dλ = √(2/B) exp[B(λ² − 1)/2] D(λ√(B/2)) with Dawson's integral D; near
-        λ = 1, where that cancels, the Taylor series of the same integral.
-        """
-        stretch = np.asarray(stretch, dtype=float)
-        cut = np.minimum(stretch, self.linear_beyond)
-        elongation = cut - 1.0
-        near = np.abs(elongation) < SERIES_RANGE
-        root = np.sqrt(0.5 * self.nonlinearity)
-        integral = (np.exp(root**2 * (cut * cut - 1.0)) * dawsn(root * cut) - dawsn(root)) / root
-        closed = (integral - elongation) / self.nonlinearity
-        series = np.polynomial.polynomial.polyval(np.where(near, elongation, 0.0), self._series())
-        energy = np.where(near, series, closed)
-        if np.isfinite(self.linear_beyond):
-            force, stiffness = self.response(cut)
-            beyond = stretch - cut
-            energy = energy + beyond * (force + 0.5 * beyond * stiffness)
-        return energy
+@dataclass(frozen=True, eq=False)
+class BucklingFiber(FiberLaw):
+    """A linear fibre, f = λ − 1, with another stiffness in compression: f = c (λ − 1) for λ < 1.
 
-    def _series(self) -> Array:
-        """Taylor coefficients of w in e = λ − 1: exp[B(e + e²/2)] = Σ a_k e^k, (k + 1) a_{k+1} = B(a_k + a_{k−1})."""
-        a = np.zeros(SERIES_TERMS)
-        a[0], a[1] = 1.0, self.nonlinearity
-        for k in range(1, SERIES_TERMS - 1):
-            a[k + 1] = self.nonlinearity * (a[k] + a[k - 1]) / (k + 1)
-        order = np.arange(1, SERIES_TERMS)
-        return np.concatenate([[0.0, 0.0], a[1:] / (order + 1) / self.nonlinearity])
+    Parameters
+    ----------
+    compressive : c > 0, stiffness in compression over that in tension, a number or shape (fibers,)
+    section, rest_length : as of `FiberLaw`
+
+    Raises ConfigError for numbers outside these ranges.
+
+    >>> BucklingFiber(0.1).response([0.9, 1.0, 1.1])[0].round(12).tolist()
+    [-0.01, 0.0, 0.1]
+    """
+
+    kind: ClassVar[int] = BUCKLING
+
+    compressive: Number
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check("compressive", self.compressive, lambda value: np.isfinite(value) & (value > 0.0), "a number above 0")
+
+    def constants(self) -> tuple[Number, Number]:
+        """c, and nothing more."""
+        return self.compressive, 0.0
+
+
+def _check(name: str, value: Number, allowed, range_: str) -> None:  # type: ignore[no-untyped-def]
+    """Raise ConfigError, naming the fibre if there are numbers per fibre, where `value` is out of range."""
+    values = np.asarray(value, dtype=float)
+    bad = np.flatnonzero(~allowed(values))
+    if values.ndim > 1 or bad.size:
+        where = f" of fiber {bad[0]}" if values.ndim == 1 else ""
+        shown = values.ravel()[bad[0]] if bad.size else f"of shape {values.shape}"
+        raise ConfigError(f"fiber.{name}{where} is {shown}; it must be {range_}")

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, root
 from scipy.spatial import Delaunay
-from scipy.stats import qmc
 
 from fibrous.errors import NetworkError
 from fibrous.networks.network import Network, checked, structure_tensor
@@ -96,7 +95,9 @@ def alignment_targets(numbers: NDArray[np.int64], seed: int, H11: tuple[float, f
     Point k of a scrambled Halton sequence is mapped, area-preserving, onto H11[0] ≤ H11 ≤ H11[1] with H22 and H33
     no less than `smallest_H`; it depends on k and the seed, not on how many networks there are.
     """
-    points = np.array([qmc.Halton(2, scramble=True, rng=seed).fast_forward(int(k)).random(1)[0] for k in numbers])
+    from scipy.stats import qmc  # here, since its import takes longer than a network and laws import this module
+
+    points = qmc.Halton(2, scramble=True, rng=seed).random(int(numbers.max()) + 1)[numbers]
     least, most = H11
     room = 1.0 - 2.0 * smallest_H
     # H22 has the room (room − H11), so the area left of H11 is a parabola; its inverse spreads the points evenly.
@@ -131,7 +132,7 @@ def delaunay_network(target: Array, total_length: float, seed: int, tolerance: f
             "raise the volume fraction or the edge length, or thin the fibers"
         )
     stretch = stretch_tensor_for(target)
-    cloud, edges = _triangulated(np.asarray(np.linalg.inv(stretch), dtype=float), cube, np.random.default_rng(seed))
+    cloud, edges = _triangulated(stretch, cube, np.random.default_rng(seed))
     asked, best, best_error = target, None, np.inf
     for _ in range(20):
         try:
@@ -153,18 +154,19 @@ def delaunay_network(target: Array, total_length: float, seed: int, tolerance: f
     )
 
 
-def _triangulated(
-    inverse_stretch: Array, cube: float, generator: np.random.Generator
-) -> tuple[Array, NDArray[np.int64]]:
+def _triangulated(stretch: Array, cube: float, generator: np.random.Generator) -> tuple[Array, NDArray[np.int64]]:
     """Points of unit density around the cube's preimage, and the edges of their Delaunay tetrahedra."""
-    corners = 0.5 * 1.15 * cube * np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, -1).T
-    half = np.abs(corners @ inverse_stretch).max(axis=0) + MARGIN
+    half_cube = 0.5 * 1.15 * cube
+    corners = half_cube * np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, -1).T
+    half = np.abs(corners @ np.linalg.inv(stretch)).max(axis=0) + MARGIN
     cloud = generator.uniform(-half, half, size=(int(np.ceil(8.0 * half.prod())), 3))
-    corner = Delaunay(cloud).simplices
-    pairs = np.sort(
-        corner[:, [0, 0, 0, 1, 1, 2, 1, 2, 3, 2, 3, 3]].reshape(-1, 2, 6).transpose(0, 2, 1).reshape(-1, 2), axis=1
-    )
-    return cloud, np.unique(pairs, axis=0).astype(np.int64)
+    # Where the stretch is oblique, much of that box is farther than the margin from the planes of the preimage's faces.
+    cloud = cloud[(np.abs(cloud @ stretch) <= half_cube + MARGIN * np.linalg.norm(stretch, axis=0)).all(axis=1)]
+    corner = Delaunay(cloud).simplices.astype(np.int64)
+    first, second = corner[:, [0, 0, 0, 1, 1, 2]], corner[:, [1, 2, 3, 2, 3, 3]]
+    # A pair as one number: whole numbers sort far faster than rows.
+    pairs = np.unique(np.minimum(first, second) * len(cloud) + np.maximum(first, second))
+    return cloud, np.stack(np.divmod(pairs, len(cloud)), axis=1)
 
 
 def _cut(points: Array, edges: NDArray[np.int64], total_length: float, cube: float) -> Network:
@@ -198,33 +200,36 @@ def _on_faces(points: Array, snapped: NDArray[np.int64]) -> Array:
     return np.where(snapped != 0, 0.5 * snapped, points)
 
 
-def _parameters(points: Array, edges: NDArray[np.int64]) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Where each edge enters and leaves the unit cube, as fractions of its length, for the edges that do."""
-    start = points[edges[:, 0]]
-    vector = points[edges[:, 1]] - start
+def _pieces(points: Array, edges: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array, Array, Array, Array]:
+    """The edges that the unit cube cuts or holds: which, their starts and vectors, and where they enter and leave it.
+
+    Where is a fraction of the edge's length, 0 or 1 at an end inside. Shapes (pieces,), and (pieces, 3) for the starts
+    and vectors.
+    """
+    # One bit a face: an edge with both ends beyond one face, as most are, misses the cube.
+    beyond = np.packbits(np.hstack([points < -0.5, points > 0.5]), axis=1)[:, 0]
+    near = np.flatnonzero(beyond[edges[:, 0]] & beyond[edges[:, 1]] == 0)
+    start = points[edges[near, 0]]
+    vector = points[edges[near, 1]] - start
     with np.errstate(divide="ignore", invalid="ignore"):
-        one, other = (-0.5 - start) / vector, (0.5 - start) / vector
-    # A NaN is an edge that lies in a face: that face does not cut it.
-    enter = np.fmax(np.fmin(one, other).max(axis=1, initial=-np.inf, where=~np.isnan(one + other)), 0.0)
-    leave = np.fmin(np.fmax(one, other).min(axis=1, initial=np.inf, where=~np.isnan(one + other)), 1.0)
-    crossing = np.flatnonzero(leave - enter > ROUNDING)
-    return enter[crossing], leave[crossing], crossing
+        low, high = (-0.5 - start) / vector, (0.5 - start) / vector
+    # A NaN is an edge that lies in a face: that face does not cut it. Copies, as NumPy reduces rows of three slowly.
+    enter = np.fmax.reduce(np.minimum(low, high).T.copy(), initial=0.0)
+    leave = np.fmin.reduce(np.maximum(low, high).T.copy(), initial=1.0)
+    inside = np.flatnonzero(leave - enter > ROUNDING)
+    return near[inside], start[inside], vector[inside], enter[inside], leave[inside]
 
 
 def _clipped_length(points: Array, edges: NDArray[np.int64]) -> float:
-    enter, leave, crossing = _parameters(points, edges)
-    vector = points[edges[crossing, 1]] - points[edges[crossing, 0]]
+    _, _, vector, enter, leave = _pieces(points, edges)
     return float(((leave - enter) * np.linalg.norm(vector, axis=1)).sum())
 
 
 def _clipped(points: Array, edges: NDArray[np.int64]) -> Network:
     """The network of the pieces inside the unit cube: cut ends and nodes on faces are boundary nodes."""
-    enter, leave, crossing = _parameters(points, edges)
-    kept = edges[crossing]
-    start = points[kept[:, 0]]
-    vector = points[kept[:, 1]] - start
+    crossing, start, vector, enter, leave = _pieces(points, edges)
     count = len(points)
-    ends = kept.copy()
+    ends = edges[crossing]
     cut_in, cut_out = np.flatnonzero(enter > 0.0), np.flatnonzero(leave < 1.0)
     ends[cut_in, 0] = count + np.arange(len(cut_in))
     ends[cut_out, 1] = count + len(cut_in) + np.arange(len(cut_out))

@@ -168,8 +168,8 @@ def _constant(number: float) -> Any:
 
 
 @intrinsic
-def _exponential(typing_context: Any, one: Any) -> Any:
-    """exp(x) = 2^k exp(r) with x = k ln 2 + r, |r| ≤ ln(2)/2, and the Taylor polynomial of exp(r).
+def _exponential_less_one(typing_context: Any, one: Any) -> Any:
+    """exp(x) − 1 = 2^k (exp(r) − 1) + (2^k − 1) with x = k ln 2 + r, |r| ≤ ln(2)/2; exp(r) − 1 from its Taylor series.
 
     The mathematical library's function would be called for one number after the other.
     """
@@ -185,13 +185,42 @@ def _exponential(typing_context: Any, one: Any) -> Any:
         for part in LN_2:
             x = builder.fsub(x, builder.fmul(k, _constant(part), flags=_FLAGS), flags=_FLAGS)
         series = _constant(1.0 / math.factorial(TERMS))
-        for power in range(TERMS - 1, -1, -1):
+        for power in range(TERMS - 1, 0, -1):
             series = builder.fmul(series, x, flags=_FLAGS)
             series = builder.fadd(series, _constant(1.0 / math.factorial(power)), flags=_FLAGS)
+        series = builder.fmul(series, x, flags=_FLAGS)
         exponent = builder.shl(builder.bitcast(shifted, bits), ir.Constant(bits, width))
-        return builder.bitcast(builder.add(builder.bitcast(series, bits), exponent), _VECTOR)
+        power_of_two = builder.bitcast(builder.add(exponent, builder.bitcast(_constant(1.0), bits)), _VECTOR)
+        less_one = builder.fsub(power_of_two, _constant(1.0))
+        return builder.fadd(builder.fmul(power_of_two, series, flags=_FLAGS), less_one, flags=_FLAGS)
 
     return _LANES(one), generate
+
+
+@intrinsic
+def _choose(typing_context: Any, number: Any, limit: Any, below: Any, otherwise: Any) -> Any:
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        vectors = [
+            _as_vector(context, builder, value, type_)
+            for value, type_ in zip(values, (number, limit, below, otherwise), strict=True)
+        ]
+        return builder.select(builder.fcmp_ordered("<", *vectors[:2]), *vectors[2:])
+
+    return _LANES(number, limit, below, otherwise), generate
+
+
+@intrinsic
+def _greatest(typing_context: Any, vector: Any) -> Any:
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        found = builder.extract_element(values[0], ir.Constant(ir.IntType(32), 0))
+        for lane in range(1, LANES):
+            number = builder.extract_element(values[0], ir.Constant(ir.IntType(32), lane))
+            found = builder.select(builder.fcmp_ordered("<", found, number), number, found)
+        return found
+
+    return types.float64(vector), generate
 
 
 #: ``load(array, index)``: the eight numbers at an index, a tuple, of an array of lanes in single or double precision.
@@ -200,7 +229,11 @@ load: Any = _load
 store: Any = _store
 #: ``spread(number)``: a number in all lanes.
 spread: Any = _spread
-#: ``exponential(vector)``; beyond ±`LARGEST_EXPONENT` as at it, where squares leave the range of floats.
-exponential: Any = _exponential
+#: ``exponential_less_one(vector)``; beyond ±`LARGEST_EXPONENT` as at it, where squares leave the range of floats.
+exponential_less_one: Any = _exponential_less_one
+#: ``choose(number, limit, below, otherwise)``: in each lane `below` where number < limit; vectors or numbers.
+choose: Any = _choose
+#: ``greatest(vector)``: the greatest number of all lanes, which must not be NaN.
+greatest: Any = _greatest
 square_root = _of_llvm("sqrt")
 magnitude = _of_llvm("fabs")

@@ -11,7 +11,7 @@ from importlib import resources
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
-from fibrous.report.outline import CONTRADICTIONS, MEANINGS, SECTIONS, WORDS, told
+from fibrous.report.outline import CONTRADICTIONS, MEANINGS, SECTIONS, WORDS, Section, told
 
 Rows = Sequence[Sequence[str]]
 _WIDTH = re.compile(rb'<svg[^>]*?\swidth="([0-9.]+)pt"')
@@ -68,7 +68,7 @@ def report_page(report: Report) -> str:
     """The whole page."""
     return _template("report.html").render(
         report=report,
-        sections=SECTIONS,
+        sections=[section for section in SECTIONS if _tells(section, report)],
         contradictions=CONTRADICTIONS,
         meanings=MEANINGS,
         words=WORDS,
@@ -79,6 +79,13 @@ def report_page(report: Report) -> str:
         share_of_width=_shares_of_width(report.figures),
         verdict_class=_verdict_class,
     )
+
+
+def _tells(section: Section, report: Report) -> bool:
+    """Whether the run has made anything that a section shows."""
+    ids = {*section.claims, *(id for exhibit in section.exhibits for id in exhibit.claims)}
+    shown = any(one.stage in report.figures or one.table in report.tables for one in section.exhibits)
+    return shown or any(claim.id in ids for claim in report.claims)
 
 
 def table_page(title: str, headings: Sequence[str], rows: Rows) -> str:

@@ -12,8 +12,8 @@ from fibrous.deformation import LoadPath
 from fibrous.fitting.hgo import Curves, fit_constants
 from fibrous.material_point import WHOLE, along_path, stress_errors
 from fibrous.materials.hgo import HGOStructureTensor
-from fibrous.networks.equilibrium import EquilibriumSolver
-from fibrous.networks.response import respond
+from fibrous.networks.engine import Engine
+from fibrous.networks.path import follow
 
 Array = NDArray[np.float64]
 
@@ -39,18 +39,14 @@ class Trial:
     judged_states_failed: int
 
 
-def answers(solver: EquilibriumSolver, structure_tensor: Array, scale: float, paths: Sequence[LoadPath]) -> Curves:
-    """What a network of structure tensor H, shape (3, 3), answers to paths of one length; `scale` in MPa as in respond.
+def answers(engine: Engine, structure_tensor: Array, scale: float, paths: Sequence[LoadPath]) -> Curves:
+    """What a network of structure tensor H, shape (3, 3), answers to paths of one length; `scale` in MPa as in follow.
 
     Raises NetworkError for a network that is a mechanism at rest.
     """
-    responses = [respond(solver, path.gradients, scale) for path in paths]
-    return Curves(
-        np.array([path.gradients for path in paths]),
-        structure_tensor,
-        np.array([one.strain_energy_density for one in responses]),
-        np.array([one.cauchy_stress for one in responses]),
-    )
+    gradients = np.array([path.gradients for path in paths])
+    response = follow(engine, gradients, scale)
+    return Curves(gradients, structure_tensor, response.strain_energy_density, response.cauchy_stress)
 
 
 def tried(fitted: Curves, judged: Curves, largest_C3: float, slope_fit_below_r_squared: float) -> Trial:

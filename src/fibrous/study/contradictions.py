@@ -27,7 +27,6 @@ from fibrous.study.variants import FITTED_PROTOCOL, Variant, factors, varied
 SURFACE_TERMS = 9
 RESERVED = ("specimen", "table", "comparison")  # names of files beside those of the runs
 CLAIMED_LOADS = {"x_uniaxial", "xy_biaxial", "xz_biaxial"}  # by which the statements about network 3 are judged
-LARGEST_BATCH = 5000  # its numbers travel on the command line of a job
 LARGEST_EXPONENT = 350.0  # exp of it, and the square of that, are finite in double precision
 # A Delaunay network needs some ten nodes in the cube before its alignment means anything.
 LEAST_FIBER_LENGTH = 40.0
@@ -122,11 +121,6 @@ def _alignments(config: Config) -> Iterator[str]:
 def _ensemble(config: Config) -> Iterator[str]:
     networks, batches = config["delaunay"]["networks"], config["delaunay"]["batches"]
     folds = config["surface"]["cross_validation_folds"]
-    if networks > LARGEST_BATCH * batches:
-        yield (
-            f"delaunay.batches is {batches}, which puts {networks / batches:.0f} networks into one, "
-            f"must leave at most {LARGEST_BATCH}"
-        )
     if batches > networks:
         yield f"delaunay.batches is {batches}, must be at most delaunay.networks = {networks}"
     replicates = config["replicates"]["seeds"] * len(config["named"])

@@ -12,8 +12,19 @@ import numpy as np
 from fibrous import datasets
 from fibrous.deformation import averaged_stretch
 from fibrous.errors import naming
-from fibrous.networks.response import respond
+from fibrous.networks.path import follow
 from fibrous.study.loading import LoadedNetwork, loaded_networks, protocol_paths
+
+# Variables of the file that come from the network.
+ANSWERS = (
+    "strain_energy_density",
+    "first_piola_kirchhoff_stress",
+    "cauchy_stress",
+    "largest_orientation_eigenvalue",
+    "newton_iterations",
+    "cuts",
+    "converged",
+)
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
@@ -29,13 +40,10 @@ def write_curves(networks: Iterable[LoadedNetwork], output: Path, params: Mappin
     numbers: list[int] = []
     loads: list[str] = []
     for network in networks:
-        with naming(str(network)):
-            responses = [respond(network.solver, path.gradients, network.stress_scale_MPa) for path in network.paths]
-        row = {
-            name: np.array([getattr(response, name) for response in responses])
-            for name in responses[0].__dataclass_fields__
-        }
         gradients = np.array([path.gradients for path in network.paths])
+        with naming(str(network)):
+            response = follow(network.engine, gradients, network.stress_scale_MPa)
+        row = {name: getattr(response, name) for name in ANSWERS}
         row["deformation_gradient"] = gradients
         row["magnitude"] = np.array([path.magnitudes for path in network.paths])
         row["averaged_stretch"] = averaged_stretch(gradients, network.structure_tensor)

@@ -1,27 +1,49 @@
-"""One job of the study: ``python -m fibrous.study.job --params JSON --input NAME FILE… --output NAME FILE``.
+"""One job of the study: ``python -m fibrous.study.job JOB --config CONFIG``.
 
-The process that a rule starts. It hands files and params to the stage's `run` and turns a user's mistake into one line.
+The process that a rule starts. Files tell it what to do, since a command of Linux ends at 128 KiB, which the names of a
+few hundred files fill. It hands files and params to the stage's `run` and turns a user's mistake into one line.
 """
 
 from __future__ import annotations
 
 import argparse
 import ctypes
+import hashlib
 import importlib
 import json
 import os
 import signal
 import sys
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from threadpoolctl import threadpool_limits
 
 from fibrous.errors import FibrousError
 
-# The whole config, as JSON. Not a param: a result would be made anew for every change that does not concern it.
-STUDY_CONFIG = "FIBROUS_STUDY_CONFIG"
+FOLDER = Path(".snakemake") / "fibrous"
 PR_SET_PDEATHSIG = 1  # linux/prctl.h
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+def hand_over(content: Mapping[str, Any]) -> str:
+    """Write what a job reads as JSON into FOLDER, and return the path; the file's name is a hash of the content.
+
+    Equal content has one path, which therefore tells Snakemake whether a job has changed, and no run overwrites what
+    another one reads. A job's content holds its params, and its files by name as `inputs` and `outputs`.
+    """
+    text = json.dumps(content, sort_keys=True)
+    path = FOLDER / f"{hashlib.sha256(text.encode()).hexdigest()[:32]}.json"
+    with suppress(OSError):
+        if path.read_text(encoding="utf-8") == text:
+            return str(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_suffix(f".{os.getpid()}")
+    beside.write_text(text, encoding="utf-8")
+    beside.replace(path)
+    return str(path)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -29,23 +51,25 @@ def main(arguments: list[str] | None = None) -> int:
     end_with_run()
     # Batches are the unit of parallel work: more threads than one a job would only fight for the same cores.
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
+    # A job writes files that nobody else knows and asks for a lock itself where it reads; some file systems have none.
+    os.environ["HDF5_USE_FILE_LOCKING"] = "FALSE"
     parser = argparse.ArgumentParser(prog="python -m fibrous.study.job", description=__doc__.splitlines()[0])
-    parser.add_argument("--params", required=True, type=json.loads, help="stage, config and code hash, as JSON")
-    parser.add_argument("--input", nargs="+", action="append", default=[], metavar=("NAME", "FILE"))
-    parser.add_argument("--output", nargs=2, action="append", default=[], metavar=("NAME", "FILE"))
+    parser.add_argument("job", type=Path, help="file with the stage, its config and code hash, and its files by name")
+    parser.add_argument("--config", type=Path, required=True, help="file with the whole config, for the record")
     parser.add_argument("--threads", type=int, default=1, help="for stages that use more than one")
     parser.add_argument("--terminal", type=int, help="file descriptor on which long stages say how far they are")
     given = parser.parse_args(arguments)
-    # Beside the config: results do not depend on them.
-    given.params |= {"threads": given.threads, "terminal": given.terminal}
-    if STUDY_CONFIG in os.environ:
-        given.params["study_config"] = os.environ[STUDY_CONFIG]
-    inputs = {name: [Path(path) for path in paths] for name, *paths in given.input}
-    outputs = {name: Path(path) for name, path in given.output}
     try:
-        stage = importlib.import_module(given.params["stage"])
+        params = json.loads(given.job.read_text(encoding="utf-8"))
+        inputs = {name: [Path(path) for path in paths] for name, paths in params.pop("inputs").items()}
+        outputs = {name: Path(path) for name, path in params.pop("outputs").items()}
+        # The whole config is recorded, no param: a result would be made anew for every change that does not concern it.
+        params["study_config"] = given.config.read_text(encoding="utf-8")
+        # Results do not depend on these.
+        params |= {"threads": given.threads, "terminal": given.terminal}
+        stage = importlib.import_module(params["stage"])
         with threadpool_limits(limits=1):
-            stage.run(inputs, outputs, given.params)
+            stage.run(inputs, outputs, params)
     except FibrousError as error:
         return _say(str(error))
     except MemoryError:

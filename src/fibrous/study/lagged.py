@@ -72,7 +72,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
 def _networks(paths: list[Path], wanted: np.ndarray, limits: Mapping[str, Any]) -> list[FollowedNetwork]:
     """The networks of the elements in their order."""
     found = {
-        one.number: FollowedNetwork(one.solver, one.structure_tensor, one.stress_scale_MPa)
+        one.number: FollowedNetwork(one.engine, one.structure_tensor, one.stress_scale_MPa)
         for path in paths
         for one in loaded_networks(path, limits, lambda *_: [])
     }

@@ -1,4 +1,4 @@
-"""What the rules that load networks share: networks from their file, with solver, scale and load paths."""
+"""What the rules that load networks share: networks from their file, with engine, scale and load paths."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ import xarray as xr
 from fibrous import datasets
 from fibrous.deformation import LoadEnd, LoadPath, load_paths
 from fibrous.errors import DatasetError, naming
-from fibrous.networks.equilibrium import EquilibriumSolver
-from fibrous.networks.fiber_law import FiberLaw
-from fibrous.networks.homogenization import stress_scale
+from fibrous.networks.engine import Engine
+from fibrous.networks.fiber_law import ExponentialFiber
 from fibrous.networks.network import Network
+from fibrous.networks.path import stress_scale
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class LoadedNetwork:
     number: int
     name: str
     structure_tensor: np.ndarray
-    solver: EquilibriumSolver
+    engine: Engine
     stress_scale_MPa: float
     paths: list[LoadPath]
 
@@ -53,7 +53,7 @@ def _gradient(rows: list[list[float]] | None) -> np.ndarray | None:
 
 
 def loaded_networks(path: Path, limits: Mapping[str, Any], paths_of: PathsOf) -> Iterator[LoadedNetwork]:
-    """The networks of a file one after the other, with paths and the `limits` of the equilibrium's solver.
+    """The networks of a file one after the other, with paths and the `limits` of the engine.
 
     Raises DatasetError, NetworkError or LoadError.
     """
@@ -66,13 +66,13 @@ def loaded_networks(path: Path, limits: Mapping[str, Any], paths_of: PathsOf) ->
         tensor = dataset["structure_tensor"].values[index]
         with naming(f"network {number} {name}".rstrip()):
             paths = paths_of(number, tensor)
-        yield LoadedNetwork(number, name, tensor, EquilibriumSolver.of(network, law, **limits), scale, paths)
+        yield LoadedNetwork(number, name, tensor, Engine.of(network, law, **limits), scale, paths)
 
 
-def fiber_law(dataset: xr.Dataset) -> FiberLaw:
+def fiber_law(dataset: xr.Dataset) -> ExponentialFiber:
     """The law of the fibres of a dataset of the kind `networks`."""
     beyond = float(dataset.attrs["fiber_linear_beyond_stretch"])
-    return FiberLaw(float(dataset.attrs["fiber_nonlinearity"]), np.inf if np.isnan(beyond) else beyond)
+    return ExponentialFiber(float(dataset.attrs["fiber_nonlinearity"]), np.inf if np.isnan(beyond) else beyond)
 
 
 def scale_of(dataset: xr.Dataset) -> float:

@@ -13,14 +13,15 @@ import xarray as xr
 from fibrous import datasets
 from fibrous.errors import DatasetError, naming
 from fibrous.materials.neo_hookean import NeoHookean
-from fibrous.microstructure import microstructure, stress_difference
-from fibrous.networks.equilibrium import EquilibriumSolver
+from fibrous.microstructure import stress_difference
+from fibrous.networks.engine import Engine
 from fibrous.networks.network import Network
+from fibrous.networks.path import follow
 from fibrous.study.loading import fiber_law, scale_of, unpacked
 
 #: Name of the path along the mean F of an element, beside the numbers of its Gauss points.
 MEAN = "mean"
-FOUND = ("node_position", "fiber_stretch", "fiber_stress", "orientation_tensor", "cauchy_stress", "converged")
+ANSWERS = ("node_position", "fiber_stretch", "orientation_tensor", "cauchy_stress", "converged")
 COPIED = ("edge_length_um", "fiber_radius_um")
 
 
@@ -42,8 +43,8 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     number = int(specimen["element_network"].values[element])
     batch, network = _network(inputs["networks"], number)
     with naming(f"network {number}"):
-        solver = EquilibriumSolver.of(network, fiber_law(batch), **config["equilibrium"])
-        states = _driven(solver, batch, own["deformation_gradient"].values)
+        engine = Engine.of(network, fiber_law(batch), **config["equilibrium"])
+        states = _driven(engine, batch, own["deformation_gradient"].values)
     states.attrs.update(run=config["run"], element=element, network=number, law=law, origin=tissue.attrs["origin"])
     converged = states["converged"].values
     print(f"network {number}: {converged.sum()} of {converged.size} states converged", file=sys.stderr)
@@ -71,14 +72,15 @@ def _network(paths: list[Path], number: int) -> tuple[xr.Dataset, Network]:
     raise DatasetError(f"{paths[0].parent}: lacks network {number}; delete the folder and run again")
 
 
-def _driven(solver: EquilibriumSolver, batch: xr.Dataset, points: np.ndarray) -> xr.Dataset:
+def _driven(engine: Engine, batch: xr.Dataset, points: np.ndarray) -> xr.Dataset:
     """The network from rest along F of the Gauss points, shape (points, steps, 3, 3), and along their mean."""
     after_rest = np.concatenate([points, points.mean(axis=0)[None]])
     gradients = np.concatenate([np.tile(np.eye(3), (len(after_rest), 1, 1, 1)), after_rest], axis=1)
-    modulus, scale = float(batch.attrs["fiber_modulus_MPa"]), scale_of(batch)
-    found = [microstructure(solver, path, modulus, scale) for path in gradients]
-    arrays = {name: np.array([getattr(one, name) for one in found]) for name in FOUND}
-    arrays |= {"fiber_nodes": solver.assembly.network.fiber_nodes, "deformation_gradient": gradients}
+    response = follow(engine, gradients, scale_of(batch), geometry=True)
+    arrays = {name: getattr(response, name) for name in ANSWERS}
+    # Force over the undeformed section (Eq. 6).
+    arrays["fiber_stress"] = float(batch.attrs["fiber_modulus_MPa"]) * engine.law.response(arrays["fiber_stretch"])[0]
+    arrays |= {"fiber_nodes": engine.network.fiber_nodes, "deformation_gradient": gradients}
     paths = np.array([*map(str, range(len(points))), MEAN], dtype=object)
     coords = {"path": paths, "step": np.arange(gradients.shape[1])}
     states = datasets.packed(arrays, datasets.MICROSTRUCTURE, coords)

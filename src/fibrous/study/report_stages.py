@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
+
+import yaml
 
 from fibrous.report.outline import TARGETS, exhibits
 from fibrous.report.tables import VIEWS
 from fibrous.study import plan
-from fibrous.study.configuration import TEMPLATES, caption
+from fibrous.study.configuration import PROJECT, TEMPLATES, caption, loaded
+from fibrous.study.jobs import jobs
 from fibrous.study.network_stages import SPECIMEN, contents, curves_of, figure, once
 from fibrous.study.plan import FIGURE_NETWORK, FIGURE_PROTOCOLS, REFIT, Config, Stage
 from fibrous.study.tissue_stages import TISSUE, networks_of_elements
 
+# Of the checkout; any other commit would make the report again and change nothing in it.
+SOURCES = ("Snakefile", "config", "src", "workflow")
 COSTS, TARGET_COSTS = "results/tables/stages.csv", "results/tables/targets.csv"
 # Targets that gather the files of several stages, or of one with another name; any other is the stage of its name.
 GATHERING = {
@@ -22,20 +28,6 @@ GATHERING = {
     "table_1": ("surface",),
     "tissue": ("specimen", "tissue", "lagged", "multiscale", "febio", "tissue_table", "convergence"),
 }
-
-
-@dataclass(frozen=True)
-class Job:
-    """One job of the study: its stage, the files that it writes and reads, and the one that says what it cost."""
-
-    stage: str
-    outputs: tuple[str, ...]
-    inputs: tuple[str, ...]
-
-    @property
-    def accounted(self) -> str:
-        """Pictures do not say what they cost: equal inputs give equal bytes."""
-        return next(path for path in self.outputs if not path.endswith((".png", ".svg")))
 
 
 def report_stages(stages: Mapping[str, Stage]) -> dict[str, Stage]:
@@ -94,21 +86,12 @@ def report_stages(stages: Mapping[str, Stage]) -> dict[str, Stage]:
     }
 
 
-def jobs(stages: Mapping[str, Stage], config: Config) -> Iterator[Job]:
-    """Every job of these stages but those on demand."""
-    for name, stage in stages.items():
-        for wildcards in stage.instances(config) if not stage.on_demand else []:
-            outputs = (pattern.format_map(wildcards) for pattern in stage.outputs.values())
-            inputs = (path for paths in stage.inputs(config, wildcards).values() for path in paths)
-            yield Job(name, tuple(outputs), tuple(inputs))
-
-
 def flow(stages: Mapping[str, Stage], config: Config) -> list[dict[str, Any]]:
     """Stages that write data: `stage`, the stages that it `reads`, its number of `jobs`, and the figures `drawn` of it.
 
     A stage reads itself where one of its jobs reads what another one writes.
     """
-    every = list(jobs(stages, config))
+    every = jobs(stages, config)
     producer = {path: job.stage for job in every for path in job.outputs}
     reads: dict[str, set[str]] = {}
     for job in every:
@@ -132,7 +115,7 @@ def target_stages(target: str) -> tuple[str, ...]:
 
 def _costs_config(stages: Mapping[str, Stage], config: Config) -> dict[str, Any]:
     """Per job its stage and the numbers of the jobs whose files it reads, and per target its stages."""
-    every = list(jobs(stages, config))
+    every = jobs(stages, config)
     number = {path: i for i, job in enumerate(every) for path in job.outputs}
     there = {job.stage for job in every}
     targets = {target: [name for name in target_stages(target) if name in there] for target in TARGETS}
@@ -164,7 +147,8 @@ def _figure_4_inputs(config: Config) -> dict[str, list[str]]:
 
 def _figures(stages: Mapping[str, Stage], config: Config) -> list[str]:
     """Stages of the figures of the report, in its order."""
-    return [one.stage for one in exhibits() if one.stage in stages and stages[one.stage].instances(config)]
+    drawn = {job.stage for job in jobs(stages, config)}
+    return [one.stage for one in exhibits() if one.stage in drawn]
 
 
 def _tables(stages: Mapping[str, Stage], config: Config) -> list[str]:
@@ -186,10 +170,47 @@ def _templates() -> list[str]:
 
 
 def _report_config(stages: Mapping[str, Stage], config: Config) -> dict[str, Any]:
-    on_demand = {"microstructure", "sensitivity"}  # says nothing of what the report tells
+    default, on_demand = loaded(), {"microstructure", "sensitivity"}  # says nothing of what the report tells
+    study = {key: value for key, value in config.items() if key not in on_demand}
     return {
         "figures": [{"stage": name, "caption": caption(name)} for name in _figures(stages, config)],
         "tables": _tables(stages, config),
         "templates": _templates(),
-        "study": {key: value for key, value in config.items() if key not in on_demand},
+        "other_than_default": [key for key in default if key in study and study[key] != default[key]],
+        "seed": config["seed"],
+        "commit": commit(PROJECT),
+        # As text, since JSON with sorted keys would lose the order of a mapping.
+        "study": yaml.safe_dump(in_order_of(default, study), sort_keys=False, allow_unicode=True, width=110),
     }
+
+
+def in_order_of(default: Any, value: Any) -> Any:
+    """A config with its keys in the order of the default one's; those that it lacks come last.
+
+    >>> in_order_of({"b": 1, "a": {"d": 1, "c": 1}}, {"a": {"c": 2, "d": 3}, "b": 4, "e": 5})
+    {'b': 4, 'a': {'d': 3, 'c': 2}, 'e': 5}
+    """
+    if isinstance(value, dict) and isinstance(default, dict):
+        keys = [key for key in default if key in value] + [key for key in value if key not in default]
+        return {key: in_order_of(default.get(key), value[key]) for key in keys}
+    if isinstance(value, list) and isinstance(default, list) and default:
+        return [in_order_of(default[0], one) for one in value]
+    return value
+
+
+def commit(checkout: Path) -> str:
+    """The last commit of `checkout` that touched what results are made of, and whether that has changed since.
+
+    Says so where it is no git checkout, as in an archive of the sources.
+    """
+    try:
+        found = _git(checkout, "log", "-1", "--format=%H", "--", *SOURCES)
+        changed = _git(checkout, "status", "--porcelain", "-uno", "--", *SOURCES)
+    except (OSError, subprocess.CalledProcessError):
+        found, changed = "", ""
+    return (found or "not a git checkout") + (" with changes since" if changed else "")
+
+
+def _git(checkout: Path, *words: str) -> str:
+    done = subprocess.run(["git", "-C", str(checkout), *words], capture_output=True, text=True, check=True)
+    return done.stdout.strip()

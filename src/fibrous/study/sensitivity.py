@@ -13,11 +13,11 @@ import pandas as pd
 
 from fibrous import datasets
 from fibrous.errors import naming
-from fibrous.networks.equilibrium import EquilibriumSolver
-from fibrous.networks.fiber_law import FiberLaw
+from fibrous.networks.engine import Engine
+from fibrous.networks.fiber_law import ExponentialFiber
 from fibrous.networks.generation import delaunay_network, network_seed
-from fibrous.networks.homogenization import stress_scale
 from fibrous.networks.network import structure_tensor, total_length
+from fibrous.networks.path import stress_scale
 from fibrous.sensitivity.trial import Trial, answers, tried
 from fibrous.study.loading import protocol_paths
 
@@ -42,7 +42,7 @@ def _rows(entry: Mapping[str, Any], number: int, config: Mapping[str, Any]) -> I
     cube, fiber = config["cube"], config["fiber"]
     length = total_length(cube["volume_fraction"], cube["edge_length_um"], fiber["radius_um"])
     scale = stress_scale(fiber["modulus_MPa"], fiber["radius_um"], cube["edge_length_um"])
-    law = FiberLaw(fiber["nonlinearity"], fiber["linear_beyond_stretch"] or np.inf)
+    law = ExponentialFiber(fiber["nonlinearity"], fiber["linear_beyond_stretch"] or np.inf)
     seed = network_seed(config["seed"], REPLICATES, number)
     asked = np.diag([entry["H11"], entry["H22"], 1.0 - entry["H11"] - entry["H22"]])
     with naming(f"{entry['name']}, replicate {number}"):
@@ -51,8 +51,8 @@ def _rows(entry: Mapping[str, Any], number: int, config: Mapping[str, Any]) -> I
         paths, judged_paths = (
             protocol_paths({**config, "protocol": config[key]})(number, tensor) for key in ("protocol", "path")
         )
-        solver = EquilibriumSolver.of(network, law, **config["equilibrium"])
-        curves, judged = (answers(solver, tensor, scale, one) for one in (paths, judged_paths))
+        engine = Engine.of(network, law, **config["equilibrium"])
+        curves, judged = (answers(engine, tensor, scale, one) for one in (paths, judged_paths))
     names = [path.name for path in paths]
     lost = [(name, curves.strain_energy_density[i]) for i, name in enumerate(names)]
     for name, energy in [*lost, (judged_paths[0].name, judged.strain_energy_density[0])]:

@@ -6,12 +6,13 @@ from the validated config and the files that it names; paths are relative to the
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from itertools import chain
 from typing import Any
 
 from fibrous.provenance import code_hash, config_hash
 from fibrous.study import plan
+from fibrous.study.jobs import jobs, possible_jobs
 from fibrous.study.multiscale_stages import MULTISCALE_STAGES
 from fibrous.study.network_stages import NETWORK_STAGES
 from fibrous.study.plan import Config, Stage, Wildcards
@@ -22,11 +23,10 @@ from fibrous.study.tissue_stages import TISSUE_STAGES
 # What a part of the config says of the tissue that the files come from: a synthetic one is called so everywhere.
 SPECIMEN = "specimen"
 
+CURVES = ("curves", "refit_curves")
+COMPUTING: dict[str, Stage] = {**NETWORK_STAGES, **TISSUE_STAGES, **MULTISCALE_STAGES, **SENSITIVITY_STAGES}
 STAGES: dict[str, Stage] = {
-    **NETWORK_STAGES,
-    **TISSUE_STAGES,
-    **MULTISCALE_STAGES,
-    **SENSITIVITY_STAGES,
+    **COMPUTING,
     # Every state of every curve, those along the deformations of the tissue included.
     "convergence": Stage(
         module="fibrous.study.convergence",
@@ -39,55 +39,70 @@ STAGES: dict[str, Stage] = {
 STAGES |= report_stages(dict(STAGES))
 
 
-def stage_params(stage: str, config: Config, wildcards: Wildcards) -> dict[str, Any]:
-    """What a rule hands to the module of `stage`: its name, its part of the config, the hash of its sources.
+class Params:
+    """What the rules of one config hand to the modules of their stages, each worked out once.
 
-    The part of the config holds under `upstream` a hash of the params of the stages whose files are read: a result
-    whose inputs were made anew with other values is then seen to be old, whatever the files' times say.
+    Made for one state of the config and of the files that it names: a config that changes afterwards needs another.
     """
-    producers = {path: (name, instance) for path, name, instance in possible_files(config)}
-    return _params(stage, config, wildcards, producers, {})
+
+    def __init__(self, config: Config) -> None:
+        self.config = config
+        self._producers = {path: (name, instance) for path, name, instance in possible_files(config)}
+        self._known: dict[tuple[Any, ...], tuple[dict[str, Any], str]] = {}
+
+    def of(self, stage: str, wildcards: Wildcards) -> dict[str, Any]:
+        """The name of the stage's module, its part of the config, and the hash of its sources.
+
+        The part of the config holds under `upstream` a hash of the params of the stages whose files are read: a result
+        whose inputs were made anew with other values is then seen to be old, whatever the files' times say.
+        """
+        return self._with_hash(stage, wildcards)[0]
+
+    def with_files(self, stage: str, wildcards: Wildcards) -> dict[str, Any]:
+        """The same with the job's files by name: lists of paths under `inputs`, paths under `outputs`."""
+        inputs, patterns = STAGES[stage].inputs(self.config, wildcards), STAGES[stage].outputs
+        outputs = {name: pattern.format_map(wildcards) for name, pattern in patterns.items()}
+        return {**self.of(stage, wildcards), "inputs": inputs, "outputs": outputs}
+
+    def _with_hash(self, stage: str, wildcards: Wildcards) -> tuple[dict[str, Any], str]:
+        key = (stage, *sorted(wildcards.items()))
+        if key not in self._known:
+            params = self._worked_out(stage, wildcards)
+            self._known[key] = params, config_hash(params)
+        return self._known[key]
+
+    def _worked_out(self, stage: str, wildcards: Wildcards) -> dict[str, Any]:
+        upstream, specimen = set(), plan.origin(self.config) if stage == "specimen" else ""
+        for path in chain.from_iterable(STAGES[stage].inputs(self.config, wildcards).values()):
+            if path not in self._producers:
+                continue  # a user's own file
+            made_with, hashed = self._with_hash(*self._producers[path])
+            upstream.add(hashed)
+            specimen = specimen or made_with["config"].get(SPECIMEN, "")
+        module = STAGES[stage].module
+        own = STAGES[stage].config(self.config, wildcards)
+        if specimen:
+            own[SPECIMEN] = specimen
+        if upstream:
+            own["upstream"] = config_hash({"inputs": sorted(upstream)})
+            if not plan.own_networks(self.config):
+                own["seed"] = self.config["seed"]  # of the networks that the files come from
+        return {"stage": module, "config": own, "code_hash": code_hash(module)}
 
 
-def _params(
-    stage: str,
-    config: Config,
-    wildcards: Wildcards,
-    producers: Mapping[str, tuple[str, Wildcards]],
-    known: dict[str, tuple[str, str]],
-) -> dict[str, Any]:
-    upstream, specimen = set(), plan.origin(config) if stage == "specimen" else ""
-    for path in chain.from_iterable(STAGES[stage].inputs(config, wildcards).values()):
-        if path not in producers:
-            continue  # a user's own file
-        if path not in known:
-            name, instance = producers[path]
-            made_with = _params(name, config, instance, producers, known)
-            known[path] = config_hash(made_with), made_with["config"].get(SPECIMEN, "")
-        upstream.add(known[path][0])
-        specimen = specimen or known[path][1]
-    module = STAGES[stage].module
-    own = STAGES[stage].config(config, wildcards)
-    if specimen:
-        own[SPECIMEN] = specimen
-    if upstream:
-        own["upstream"] = config_hash({"inputs": sorted(upstream)})
-        if not plan.own_networks(config):
-            own["seed"] = config["seed"]  # of the networks that the files come from
-    return {"stage": module, "config": own, "code_hash": code_hash(module)}
+def stage_params(stage: str, config: Config, wildcards: Wildcards) -> dict[str, Any]:
+    """The params of one job alone."""
+    return Params(config).of(stage, wildcards)
 
 
-def expected_files(config: Config) -> Iterator[tuple[str, str, dict[str, str]]]:
+def expected_files(config: Config) -> Iterator[tuple[str, str, Wildcards]]:
     """Every file of the whole study with the stage that writes it and that stage's wildcards."""
-    return (one for one in possible_files(config) if not STAGES[one[1]].on_demand)
+    return ((path, job.stage, job.wildcards) for job in jobs(STAGES, config) for path in job.outputs)
 
 
-def possible_files(config: Config) -> Iterator[tuple[str, str, dict[str, str]]]:
+def possible_files(config: Config) -> Iterator[tuple[str, str, Wildcards]]:
     """The same with the files that are made on demand."""
-    for name, stage in STAGES.items():
-        for wildcards in stage.instances(config):
-            for pattern in stage.outputs.values():
-                yield pattern.format_map(wildcards), name, wildcards
+    return ((path, job.stage, job.wildcards) for job in possible_jobs(STAGES, config) for path in job.outputs)
 
 
 def files(stage: str, output: str, config: Config, **wanted: str) -> list[str]:
@@ -101,11 +116,11 @@ def files(stage: str, output: str, config: Config, **wanted: str) -> list[str]:
 
 
 def files_of_target(target: str, config: Config) -> list[str]:
-    """Every file that the target of a rule makes."""
+    """Every file of the whole study that the target of a rule makes."""
     wanted = target_stages(target)
-    return [path for path, stage, _ in possible_files(config) if stage in wanted]
+    return [path for path, stage, _ in expected_files(config) if stage in wanted]
 
 
 def all_curves(config: Config) -> list[str]:
     """Files of all curves of the study."""
-    return files("curves", "curves", config) + files("refit_curves", "curves", config)
+    return [path for job in jobs(COMPUTING, config) if job.stage in CURVES for path in job.outputs]

@@ -11,6 +11,7 @@ import numpy as np
 from fibrous import datasets
 from fibrous.deformation import averaged_stretch
 from fibrous.errors import DatasetError, naming
+from fibrous.networks.path import follow
 from fibrous.study.loading import loaded_networks, protocol_paths
 
 
@@ -24,20 +25,15 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     network = next((one for one in loaded if one.name == wanted), None)
     if network is None:
         raise DatasetError(f"{path}: holds no network called '{wanted}'; add it to `named` in the config")
-    with naming(str(network)):
-        followed = [network.solver.follow(load.gradients) for load in network.paths]
     gradients = np.array([load.gradients for load in network.paths])
-    shape = gradients.shape[:2]
-    converged = np.array([[state.converged for state in states] for states in followed])
-    position = np.array([[network.solver.node_position(state) for state in states] for states in followed])
-    stretch = np.array([[state.point.stretches for state in states] for states in followed])
+    with naming(str(network)):
+        response = follow(network.engine, gradients, network.stress_scale_MPa, geometry=True)
     arrays = {
-        "node_position": np.where(converged.reshape(*shape, 1, 1), position, np.nan),
-        "fiber_stretch": np.where(converged.reshape(*shape, 1), stretch, np.nan),
-        "fiber_nodes": network.solver.assembly.network.fiber_nodes,
+        **{name: getattr(response, name) for name in ("node_position", "fiber_stretch")},
+        "fiber_nodes": network.engine.network.fiber_nodes,
         "averaged_stretch": averaged_stretch(gradients, network.structure_tensor),
         "deformation_gradient": gradients,
     }
     loads = np.array([load.name for load in network.paths], dtype=object)
-    coords = {"deformation": loads, "step": np.arange(shape[1])}
+    coords = {"deformation": loads, "step": np.arange(gradients.shape[1])}
     datasets.write(datasets.packed(arrays, datasets.STATES, coords), outputs["states"], "states", params)

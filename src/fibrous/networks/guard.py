@@ -1,4 +1,4 @@
-"""Equilibrium of a network whose boundary moves with F: Newton's method on the energy, stable states only.
+"""Equilibrium of one network whose boundary moves with F: the guard of `engine`, and the reference of its tests.
 
 A state is accepted where the residual is within tolerance and the Hessian is positive definite. Where compressed
 fibres make the Hessian indefinite, the step is taken with just enough of their negative tension left out, and goes
@@ -17,7 +17,7 @@ from scipy.linalg import eig_banded
 from threadpoolctl import threadpool_limits
 
 from fibrous.errors import ConvergenceError, NetworkError
-from fibrous.networks.assembly import Assembly, Point
+from fibrous.networks.banded import Assembly, Point
 from fibrous.networks.fiber_law import FiberLaw
 from fibrous.networks.network import Network
 
@@ -84,9 +84,16 @@ class EquilibriumSolver:
     largest_number_of_cuts: int = 6
 
     @classmethod
-    def of(cls, network: Network, law: FiberLaw, **limits: float | int) -> EquilibriumSolver:
+    def of(
+        cls,
+        network: Network,
+        law: FiberLaw,
+        residual_tolerance: float = 1e-11,
+        largest_number_of_iterations: int = 60,
+        largest_number_of_cuts: int = 6,
+    ) -> EquilibriumSolver:
         """The solver of a network with a fibre law."""
-        return cls(Assembly(network, law), **limits)  # type: ignore[arg-type]
+        return cls(Assembly(network, law), residual_tolerance, largest_number_of_iterations, largest_number_of_cuts)
 
     def follow(self, gradients: Iterable[Array]) -> list[State]:
         """States along a path of deformation gradients, each of shape (3, 3), reached one after the other from rest.
@@ -112,6 +119,10 @@ class EquilibriumSolver:
             here = self._rest() if near is None else self._refactored(near)
             return self._reach(here, np.ascontiguousarray(gradient, dtype=float), 0).state
 
+    def state(self, gradient: Array, displacement: Array) -> State:
+        """The equilibrium at F, shape (3, 3), with the fluctuation u, (n + 1, 3), edges, in the assembly's order."""
+        return State(self.assembly.evaluate(np.ascontiguousarray(gradient), displacement), True, 0)
+
     def node_position(self, state: State) -> Array:
         """Deformed positions of all nodes in the network's own order, shape (nodes, 3), edges."""
         position = self.assembly.network.node_position @ state.point.gradient.T
@@ -132,7 +143,12 @@ class EquilibriumSolver:
                 "the network is a mechanism at rest: some nodes move without stretching a fiber, so it has no stable "
                 "equilibrium; join more fibers at them (a node needs three out of one plane at the least)"
             )
-        return _Reached(State(point, True, 0), factor)
+        reached = self._newton(point)
+        if not reached.state.converged:
+            raise NetworkError(
+                "the network finds no equilibrium at rest: let the fibers' rest lengths differ less from 1"
+            )
+        return reached
 
     def _reach(self, here: _Reached, gradient: Array, depth: int) -> _Reached:
         start, rate = self._predicted(here, gradient)

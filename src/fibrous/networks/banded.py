@@ -14,8 +14,8 @@ from scipy.linalg import lapack
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-from fibrous.networks import kernels
-from fibrous.networks.fiber_law import FiberLaw
+from fibrous.networks import banded_kernels as kernels
+from fibrous.networks.fiber_law import SECTION, FiberLaw
 from fibrous.networks.network import Network
 
 Array = NDArray[np.float64]
@@ -60,7 +60,8 @@ class Assembly:
     size : number n of interior nodes
     nodes : the network's number of the node at each place of the order, shape (n,)
     reference : end-to-end vectors D at rest from tail to head, shape (fibers, 3), edges
-    lengths : reference lengths, shape (fibers,), edges
+    lengths : rest lengths, shape (fibers,), edges
+    section : kA of the fibres over the network's kA, shape (fibers,) or (1,)
     """
 
     def __init__(self, network: Network, law: FiberLaw) -> None:
@@ -76,7 +77,8 @@ class Assembly:
         ends.sort(axis=1)
         self._tails, self._heads = np.ascontiguousarray(ends.T)
         self.reference = np.where(backward[:, None], -1.0, 1.0) * network.fiber_vectors
-        self.lengths = network.fiber_lengths
+        fibers = law.fibers(network.fiber_lengths)
+        self.lengths, self.section = fibers.rest_lengths, fibers.constants[:, SECTION]
         self._band = np.empty((3 * self.size, 3 * (_bandwidth(ends, self.size) + 1)))
 
     def evaluate(self, gradient: Array, displacement: Array) -> Point:
@@ -87,7 +89,7 @@ class Assembly:
         )
         # A trial may stretch a fibre beyond the range of floats; whoever asked refuses it for not being finite.
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            force, stiffness = self.law.response(stretches)
+            force, stiffness = (self.section * values for values in self.law.response(stretches))
             current = stretches * self.lengths
             tension = force / current
             axial = (stiffness / self.lengths - tension) / (current * current)
@@ -98,7 +100,7 @@ class Assembly:
     def energy(self, point: Point) -> float:
         """Energy of all fibres, kA edges."""
         with np.errstate(over="ignore", invalid="ignore"):
-            return float(self.lengths @ self.law.energy(point.stretches))
+            return float((self.section * self.lengths) @ self.law.energy(point.stretches))
 
     def hessian(self, point: Point, share: float = 0.0) -> Array:
         """Lower band of the Hessian, shape (width, 3 n), in the layout of LAPACK; valid until the next call.

@@ -1,0 +1,557 @@
+"""Equilibria of one network under eight deformation gradients at a time: the engine of every computation with networks.
+
+Newton's method on the energy, stable states only. The eight lanes share a topology and nothing else: each starts from a
+prediction, takes full steps where its Hessian is positive definite, leaves just enough of compressed fibres' negative
+tension out of it where it is not, and shortens steps that do not go down in energy. A lane that finds no stable
+equilibrium that way is handed to `guard`, which goes from the last equilibrium in shorter parts.
+"""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass, field
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fibrous.clock import Clock
+from fibrous.errors import NetworkError
+from fibrous.networks import kernels
+from fibrous.networks.elimination import Elimination, factorize, solve
+from fibrous.networks.fiber_law import FiberLaw, Fibers
+from fibrous.networks.guard import (
+    FIRST_SHARE,
+    FLAT,
+    LARGEST_MOVE,
+    SHORTEST,
+    SINGULAR,
+    SUFFICIENT,
+    EquilibriumSolver,
+)
+from fibrous.networks.kernels import Topology
+from fibrous.networks.lanes import LANES
+from fibrous.networks.network import Network
+
+Array = NDArray[np.float64]
+Single = NDArray[np.float32]
+Count = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+#: What became of a lane.
+RUNNING, CONVERGED, STUCK = range(3)
+# A factor is used again where the last step shrank the residual at least to this part, and this many steps as good as
+# the last would reach the tolerance. Rates ∂u/∂F that come from such a factor miss by as much, a tangent by its square.
+SHARP = 0.01
+REUSED = 3
+# Least fall of the residual in a step of the quick way.
+FALL = 0.5
+
+#: Parts of the work.
+ASSEMBLY, FACTORISATION, CONDENSATION = "assembly", "factorisation", "condensation"
+
+
+class Room:
+    """Arrays in which eight networks of one topology are solved: one room per thread, grown to the largest network.
+
+    Attributes
+    ----------
+    holds : whose forces and factor are in the room, None where nobody may rely on them
+    """
+
+    def __init__(self) -> None:
+        self._memory: dict[str, Array] = {}
+        self.holds: object = None
+
+    def array(self, name: str, *shape: int) -> Array:
+        """The array of that name, contiguous, with eight lanes behind `shape`; what it held before is undefined."""
+        size = int(np.prod(shape)) * LANES
+        if name not in self._memory or self._memory[name].size < size:
+            self._memory[name] = np.empty(size)
+        return self._memory[name][:size].reshape(*shape, LANES)
+
+
+_THREAD = threading.local()
+
+
+def room() -> Room:
+    """The room of this thread."""
+    if not hasattr(_THREAD, "room"):
+        _THREAD.room = Room()
+    return _THREAD.room
+
+
+class Relaxed(NamedTuple):
+    """What became of eight lanes, all of shape (8,).
+
+    status : `CONVERGED` or `STUCK`; steps : of Newton's method; cuts : times the way was halved
+    indefinite : Hessians met that were not positive definite
+    residual : ‖r‖/(√n max(1, f_rms)) with n interior nodes and forces in kA
+    direct : whether the lane got there from its first prediction, without the guard
+    """
+
+    status: Count
+    steps: Count
+    cuts: Count
+    indefinite: Count
+    residual: Array
+    direct: Mask
+
+    @property
+    def converged(self) -> Mask:
+        """Which lanes are in stable equilibrium."""
+        return self.status == CONVERGED
+
+
+class PathState(NamedTuple):
+    """Eight lanes on their paths, at their last equilibria and those before.
+
+    gradient, gradient_before : F, shape (3, 3, 8)
+    displacement, displacement_before : fluctuation u, shape (n + 1, 3, 8), edges, with a last row of zeros
+    rate_before : ∂u/∂F : ΔF at the equilibrium before, towards the last, the same shape
+    curved : whether the two tell how the path bends; converged : whether the last F was reached
+    iterations, cuts, indefinite : of the way from the F before; all of shape (8,)
+    """
+
+    gradient: Array
+    displacement: Array
+    gradient_before: Array
+    displacement_before: Array
+    rate_before: Array
+    curved: Mask
+    converged: Mask
+    iterations: Count
+    cuts: Count
+    indefinite: Count
+
+
+@dataclass(frozen=True, eq=False)
+class Engine:
+    """Newton's method for a network with a fibre law, in eight lanes.
+
+    Parameters
+    ----------
+    network : as it is; law : of its fibres
+    nodes : its number of the node at each place of the order of elimination, shape (n,)
+    topology, fibers : for compiled code
+    residual_tolerance : ‖r‖ ≤ tolerance √n max(1, f_rms), with n interior nodes and forces in kA
+    largest_number_of_iterations : for one F
+    largest_number_of_cuts : how often the guard halves the way to an F before it is given up
+    clock : counts CPU seconds of forces and Hessians (`assembly`), of the `factorisation` with the solution for a move,
+        and of the `condensation` with the rates
+    """
+
+    network: Network
+    law: FiberLaw
+    nodes: NDArray[np.int64]
+    topology: Topology
+    fibers: Fibers
+    residual_tolerance: float = 1e-11
+    largest_number_of_iterations: int = 60
+    largest_number_of_cuts: int = 6
+    clock: Clock = field(default_factory=Clock)
+
+    @classmethod
+    def of(
+        cls,
+        network: Network,
+        law: FiberLaw,
+        residual_tolerance: float = 1e-11,
+        largest_number_of_iterations: int = 60,
+        largest_number_of_cuts: int = 6,
+        clock: Clock | None = None,
+    ) -> Self:
+        """The engine of a network, ordered so that factors of its Hessian have few blocks."""
+        interior = np.flatnonzero(~network.node_is_boundary)
+        number = np.full(len(network.node_position), len(interior))
+        number[interior] = np.arange(len(interior))
+        inside = (number[network.fiber_nodes] < len(interior)).all(axis=1)
+        elimination = Elimination.of(len(interior), number[network.fiber_nodes[inside]])
+        nodes = interior[elimination.order]
+        number[nodes] = np.arange(len(interior))
+        ends = number[network.fiber_nodes]
+        pairs = np.full(len(ends), -1, dtype=np.int32)
+        pairs[inside] = elimination.block(ends[inside].max(axis=1), ends[inside].min(axis=1))
+        tails, heads = (np.ascontiguousarray(end, dtype=np.int32) for end in ends.T)
+        topology = Topology(network.fiber_vectors, tails, heads, pairs, elimination.starts, elimination.rows)
+        return cls(
+            network,
+            law,
+            nodes,
+            topology,
+            law.fibers(network.fiber_lengths),
+            residual_tolerance,
+            largest_number_of_iterations,
+            largest_number_of_cuts,
+            clock or Clock(),
+        )
+
+    @property
+    def size(self) -> int:
+        """Number n of interior nodes."""
+        return len(self.nodes)
+
+    @property
+    def guard(self) -> EquilibriumSolver:
+        """The method for what leaves the lanes."""
+        limits = self.residual_tolerance, self.largest_number_of_iterations, self.largest_number_of_cuts
+        return EquilibriumSolver.of(self.network, self.law, *limits)
+
+    def relax(self, F: Array, u: Array, quick: bool = False, least_pivot: float = 0.0) -> Relaxed:
+        """Bring the lanes to equilibrium at F, shape (3, 3, 8), from predictions u, (≥ n + 1, 3, 8), in place.
+
+        A lane converges where its residual is within tolerance and its Hessian positive definite. Every pivot must be
+        more than its fraction `least_pivot` of the diagonal element that it came from.
+
+        The `quick` way is for predictions that are nearly right: a lane is stuck at the first sign of trouble (a
+        Hessian that is not positive definite, a step that is long or leaves more than half of the residual), and is
+        believed to be stable where the last factor was made: with an old factor every step must shrink the residual to
+        a hundredth, which it could not beside a direction of negative stiffness. Forces and factor stay in the room.
+        """
+        return _Relaxation(self, F, u, quick, least_pivot).run()
+
+    def reach(self, F: Array, u: Array, from_F: Array, from_u: Array, quick: bool = False) -> Relaxed:
+        """`relax`, and other ways for lanes that are stuck, from equilibria at `from_F` and `from_u`, shaped alike.
+
+        What is stuck on the `quick` way starts again from the tangent's prediction. A lane that even the
+        guard does not bring there is left at the equilibrium it came from, as `STUCK`.
+        """
+        relaxed = self.relax(F, u, quick)
+        if relaxed.converged.all():
+            return relaxed
+        direct, stuck = relaxed.converged, ~relaxed.converged
+        status, steps, cuts, indefinite = (values.copy() for values in relaxed[:4])
+        if quick:
+            self.relax(from_F, from_u.copy())
+            moved = from_u[: self.size] + _limited(self._along(F - from_F)[0])
+            u[: self.size] = np.where(stuck, moved, u[: self.size])
+            relaxed = self.relax(F, u)
+            status, steps = relaxed.status.copy(), steps + relaxed.steps
+            indefinite += relaxed.indefinite
+            if relaxed.converged.all():
+                return Relaxed(status, steps, cuts, indefinite, relaxed.residual, direct)
+        guard = self.guard
+        place = np.empty(len(self.network.node_position), dtype=np.int64)
+        place[guard.assembly.nodes] = np.arange(self.size)
+        place = place[self.nodes]
+        goal = F.copy()
+        for q in np.flatnonzero(~relaxed.converged):
+            start = np.zeros((self.size + 1, 3))
+            start[place] = from_u[: self.size, :, q]
+            state = guard.equilibrium(F[..., q], guard.state(from_F[..., q], start))
+            steps[q] += state.iterations
+            cuts[q] += state.cuts
+            indefinite[q] += state.indefinite
+            if state.converged:
+                status[q] = CONVERGED
+                u[: self.size, :, q] = state.point.displacement[place]
+            else:
+                goal[..., q], u[: self.size, :, q] = from_F[..., q], from_u[: self.size, :, q]
+        again = self.relax(goal, u)
+        status[~again.converged] = STUCK
+        return Relaxed(status, steps + again.steps, cuts, indefinite, again.residual, direct)
+
+    def rest(self) -> PathState:
+        """All lanes at F = I. Raises NetworkError where the network is a mechanism there."""
+        F = np.ascontiguousarray(np.broadcast_to(np.eye(3)[..., None], (3, 3, LANES)))
+        u = np.zeros((self.size + 1, 3, LANES))
+        relaxed = self.relax(F, u, least_pivot=SINGULAR)
+        if not relaxed.converged.all():
+            raise NetworkError(
+                "the network is a mechanism at rest: some nodes move without stretching a fiber, so it has no stable "
+                "equilibrium; join more fibers at them (a node needs three out of one plane at the least)"
+            )
+        nothing = np.zeros(LANES, dtype=np.int64)
+        no = np.zeros(LANES, dtype=bool)
+        state = PathState(F, u, F, u, np.zeros_like(u), no, ~no, relaxed.steps, nothing, nothing)
+        room().holds = state
+        return state
+
+    def advance(self, state: PathState, F: Array) -> PathState:
+        """The lanes at F, shape (3, 3, 8), from a state; those that were lost before stay where they are.
+
+        Each starts from the tangent's prediction or the cubic through the last two equilibria and their rates:
+        whichever leaves the smaller residual. Forces and factor stay in the room.
+        """
+        space, size = room(), self.size
+        if space.holds is not state:
+            self.relax(state.gradient, state.displacement.copy())
+        F = np.where(state.converged, F, state.gradient)
+        forward, u = self._predicted(state, F)
+        relaxed = self.reach(F, u, state.gradient, state.displacement)
+        converged = state.converged & relaxed.converged
+        lost = ~state.converged
+        counts = (np.where(lost, 0, values) for values in (relaxed.steps, relaxed.cuts, relaxed.indefinite))
+        rate = np.zeros_like(u)
+        rate[:size] = forward
+        new = PathState(
+            np.where(converged, F, state.gradient),
+            u,
+            state.gradient,
+            state.displacement,
+            rate,
+            relaxed.direct & converged,
+            converged,
+            *counts,
+        )
+        space.holds = new
+        return new
+
+    def _predicted(self, state: PathState, F: Array) -> tuple[Array, Array]:
+        """∂u/∂F : ΔF at `state`, shape (n, 3, 8), and the u from which to start at F, shape (n + 1, 3, 8)."""
+        size = self.size
+        forward, backward = self._along(F - state.gradient, state.gradient - state.gradient_before)
+        u = state.displacement.copy()
+        u[:size] += _limited(forward)
+        if not state.curved.any():
+            return forward, u
+        # The cubic, written so that it is exact where u is linear in F.
+        bend = (state.displacement_before - state.displacement)[:size] + backward
+        cubic = state.displacement.copy()
+        cubic[:size] += _limited(forward + 5.0 * bend + 2.0 * (state.rate_before[:size] - backward))
+        norms = []
+        for start in (u, cubic):
+            norm = self._pull(F, start)[0]
+            norms.append(np.where(np.isfinite(norm), norm, np.inf))
+        better = state.curved & (norms[1] < norms[0])
+        return forward, np.where(better, cubic, u)
+
+    def _along(self, *changes: Array) -> list[Array]:
+        """∂u/∂F : ΔF, shape (n, 3, 8), for changes ΔF, (3, 3, 8), from the forces and the factor in the room."""
+        right = room().array("right", self.size, 3, len(changes))
+        with self.clock.of(CONDENSATION):
+            for column, change in enumerate(changes):
+                kernels.couple_along(self.topology, *self._forces(), np.ascontiguousarray(change), right, column)
+            solve(self.topology.starts, self.topology.rows, self._factor(), right)
+        return [right[:, :, column].copy() for column in range(len(changes))]
+
+    def rates(self, G: Single, lanes: Mask | None = None) -> None:
+        """Fill G, (≥ n + 1, 3, 9, 8), with ∂u/∂F from the forces and the factor in the room, in some lanes or all."""
+        right = room().array("right", self.size, 3, 9)
+        with self.clock.of(CONDENSATION):
+            kernels.couple(self.topology, *self._forces(), right)
+            solve(self.topology.starts, self.topology.rows, self._factor(), right)
+            if lanes is None:
+                G[: self.size] = right
+            else:
+                G[: self.size, ..., lanes] = right[..., lanes]
+
+    def condense(self, G: Single) -> tuple[Array, Array]:
+        """P = Σ f ⊗ D, (3, 3, 8), and ∂P/∂F with rates G, (9, 9, 8), in kA/edge², of what is in the room."""
+        P, A = np.empty((3, 3, LANES)), np.empty((9, 9, LANES))
+        with self.clock.of(CONDENSATION):
+            kernels.condense(self.topology, *self._forces(), G, P, A)
+        return P, A
+
+    def tangent(self) -> Array:
+        """∂P/∂F along equilibria, shape (9, 9, 8), kA/edge², of what is in the room, by static condensation."""
+        G = np.zeros((self.size + 1, 3, 9, LANES), dtype=np.float32)
+        self.rates(G)
+        return self.condense(G)[1]
+
+    def measures(self) -> tuple[Array, Array, Array]:
+        """W, shape (8,), P and the orientation tensor h, (3, 3, 8), of what is in the room; kA/edge² and none."""
+        sums = np.empty((19, LANES))
+        kernels.homogenize(self.topology, self.fibers, *self._forces(), sums)
+        return sums[0], sums[1:10].reshape(3, 3, LANES), sums[10:].reshape(3, 3, LANES)
+
+    def stretches(self) -> Array:
+        """Stretches of the fibres of what is in the room, shape (fibers, 8)."""
+        d = self._forces()[0]
+        return np.sqrt(np.einsum("miq,miq->mq", d, d)) / self.fibers.rest_lengths[:, None]
+
+    def node_position(self, F: Array, u: Array) -> Array:
+        """Deformed positions of all nodes in the network's order at F, (3, 3, L), and u; (L, nodes, 3), edges."""
+        position = np.einsum("ijq,nj->qni", F, self.network.node_position)
+        position[:, self.nodes] += u[: self.size].transpose(2, 0, 1)
+        return position
+
+    def _pull(self, F: Array, u: Array) -> tuple[Array, Array]:
+        """Forces at F and u into the room; ‖r‖ and √n max(1, f_rms), shape (8,)."""
+        space, sums = room(), np.empty((2, LANES))
+        space.holds = None
+        with self.clock.of(ASSEMBLY):
+            residual = space.array("residual", self.size + 1, 3)
+            kernels.pull(self.topology, self.fibers, F, u, *self._forces(), residual, sums)
+        count = len(self.fibers.rest_lengths)
+        return np.sqrt(sums[0]), np.sqrt(self.size) * np.maximum(1.0, np.sqrt(sums[1] / count))
+
+    def _factorize(self, stiffness: Array, least_pivot: float) -> Mask:
+        """The factors of Hessians with the fibres' blocks into the room; in which lanes they are positive definite."""
+        factor, slack = self._factor(), np.empty((1, LANES))
+        with self.clock.of(ASSEMBLY):
+            kernels.assemble(self.topology, self._forces()[0], stiffness, factor)
+        with self.clock.of(FACTORISATION):
+            factorize(self.topology.starts, self.topology.rows, factor, least_pivot, slack)
+        return slack[0] > 0.0
+
+    def _forces(self) -> tuple[Array, Array]:
+        """End-to-end vectors, shape (fibers, 3, 8), and stiffness of the fibres, (fibers, 2, 8), in the room."""
+        space, count = room(), len(self.fibers.rest_lengths)
+        return space.array("vectors", count, 3), space.array("stiffness", count, 2)
+
+    def _factor(self) -> Array:
+        return room().array("factor", len(self.topology.rows), 9)
+
+
+class _Relaxation:
+    """One call of `Engine.relax`: what its lanes are at."""
+
+    def __init__(self, engine: Engine, F: Array, u: Array, quick: bool, least_pivot: float) -> None:
+        self.engine, self.F, self.u = engine, F, u
+        self.quick, self.least_pivot = quick, least_pivot
+        self.status, self.steps = np.full(LANES, RUNNING), np.zeros(LANES, dtype=np.int64)
+        self.indefinite = np.zeros(LANES, dtype=np.int64)
+        #: Whether the factor in the room is that of a Hessian as it is, with nothing left out.
+        self.definite = np.zeros(LANES, dtype=bool)
+        #: Where each lane's step began, its full length, what is taken of it, its slope, and whether it is being tried.
+        self.start = room().array("start", engine.size, 3)
+        self.move = room().array("move", engine.size, 3)
+        self.fraction, self.slope = np.ones(LANES), np.zeros((1, LANES))
+        self.start_energy = np.full(LANES, np.nan)
+        self.trying = np.zeros(LANES, dtype=bool)
+        #: Lanes whose Hessian is indefinite.
+        self.blended = np.zeros(LANES, dtype=bool)
+
+    def run(self) -> Relaxed:
+        """Iterate until no lane runs."""
+        engine, status = self.engine, self.status
+        before, factored = np.full(LANES, np.inf), False
+        # A trial may leave the range of floats; it is given up for that.
+        with np.errstate(all="ignore"):
+            while True:
+                norm, bound = engine._pull(self.F, self.u)
+                bound *= engine.residual_tolerance
+                good = norm <= bound
+                self._judge(good, np.isfinite(norm + bound), norm <= FALL * before)
+                ready = (status == RUNNING) & ~self.trying
+                status[ready & (~np.isfinite(norm + bound) | ((self.steps == self._limit) & ~good))] = STUCK
+                shrunk = norm / before
+                if self.quick:
+                    status[ready & good & self.definite] = CONVERGED
+                reusable = self.definite & (shrunk <= SHARP) & (norm * shrunk**REUSED <= bound)
+                ready &= status == RUNNING
+                # Lanes in balance wait for the others: one factor tells of all whether they are stable.
+                waiting = ready & good
+                if not self.quick and (waiting != (status == RUNNING)).any():
+                    ready &= ~waiting
+                reusable &= ~good
+                if ready.any() and (not factored or (ready & ~reusable).any()):
+                    self._factorize(ready, good)
+                    factored = True
+                    ready &= status == RUNNING
+                if not (status == RUNNING).any():
+                    residual = engine.residual_tolerance * norm / np.maximum(bound, 1e-300)
+                    no_cuts = np.zeros(LANES, dtype=np.int64)
+                    return Relaxed(status, self.steps, no_cuts, self.indefinite, residual, status == CONVERGED)
+                if ready.any():
+                    self._step(ready)
+                    before = np.where(ready, norm, before)
+
+    @property
+    def _limit(self) -> int:
+        return self.engine.largest_number_of_iterations
+
+    def _judge(self, good: Mask, finite: Mask, fallen: Mask) -> None:
+        """Accept or shorten the steps that are being tried.
+
+        With a definite Hessian a step is accepted without asking the energy, whose digits end sooner than the
+        residual's, where the slope along the step has fallen to a part of its first value; else where it lowers the
+        energy enough.
+        """
+        trying = self.trying & (self.status == RUNNING)
+        if not trying.any():
+            return
+        if self.quick:
+            self.status[trying & ~(good | fallen)] = STUCK
+            self.trying[:] = False
+            return
+        engine, slope = self.engine, np.empty((1, LANES))
+        kernels.dot(engine.size, self.move, room().array("residual", engine.size + 1, 3), slope)
+        flat = good | (np.abs(slope[0]) <= FLAT * np.abs(self.slope[0]))
+        accepted = trying & finite & self.definite & flat
+        doubtful = trying & ~accepted
+        if doubtful.any():
+            refused = doubtful.copy()
+            for q in np.flatnonzero(doubtful).tolist():
+                refused[q] = not self._lower(q)
+            accepted |= doubtful & ~refused
+            self.fraction[refused] *= 0.5
+            self.status[refused & (self.fraction <= SHORTEST)] = STUCK
+            moved = self.start + self.fraction * self.move
+            self.u[: engine.size] = np.where(refused, moved, self.u[: engine.size])
+        self.trying &= ~accepted
+
+    def _lower(self, q: int) -> bool:
+        """Whether the step of a lane lowers its energy by enough of what the slope promises."""
+        engine = self.engine
+        if np.isnan(self.start_energy[q]):
+            u = np.zeros_like(self.u)
+            u[: engine.size, :, q] = self.start[..., q]
+            self.start_energy[q] = kernels.stored_energy(engine.topology, engine.fibers, self.F, u, q)
+        energy = kernels.stored_energy(engine.topology, engine.fibers, self.F, self.u, q)
+        promised = SUFFICIENT * self.fraction[q] * self.slope[0, q]
+        return bool(energy < self.start_energy[q] + promised)
+
+    def _factorize(self, ready: Mask, good: Mask) -> None:
+        """Factors of all lanes, with negative tension left out where it must be; `good` lanes are in balance."""
+        engine, status = self.engine, self.status
+        stiffness = engine._forces()[1]
+        self.definite = engine._factorize(stiffness, self.least_pivot)
+        self.indefinite += ready & ~self.definite
+        status[ready & good & self.definite] = CONVERGED
+        # What the quick way believed to be stable may turn out not to be.
+        status[(status == CONVERGED) & ~self.definite] = STUCK
+        # A stationary point that is no minimum is left by the guard.
+        status[ready & (good | self.quick) & ~self.definite] = STUCK
+        self.blended = ready & (status == RUNNING) & ~self.definite
+
+    def _blended(self, q: int, move: Array) -> bool:
+        """Fill `move`, (n, 3), with K⁻¹ r of a lane, where K lacks the least of some fractions of negative tension.
+
+        The eight lanes try the fractions side by side. Returns whether one of them makes K positive definite.
+        """
+        engine, space = self.engine, room()
+        d, stiffness = engine._forces()
+        vectors, blocks = space.array("lane's vectors", len(d), 3), space.array("lane's stiffness", len(d), 2)
+        softened, right = space.array("softened", len(d), 2), space.array("lane's move", engine.size, 3, 1)
+        kernels.spread_lane(q, d, vectors)
+        kernels.spread_lane(q, stiffness, blocks)
+        kernels.spread_lane(q, space.array("residual", engine.size + 1, 3), right[:, :, 0])
+        kernels.soften(vectors, blocks, np.minimum(FIRST_SHARE * 3.0 ** np.arange(LANES), 1.0)[None], softened)
+        factor, slack = space.array("lane's factor", len(engine.topology.rows), 9), np.empty((1, LANES))
+        with engine.clock.of(ASSEMBLY):
+            kernels.assemble(engine.topology, vectors, softened, factor)
+        with engine.clock.of(FACTORISATION):
+            factorize(engine.topology.starts, engine.topology.rows, factor, self.least_pivot, slack)
+            solve(engine.topology.starts, engine.topology.rows, factor, right)
+        definite = np.flatnonzero(slack[0] > 0.0)
+        if definite.size:
+            move[...] = right[:, :, 0, definite[0]]
+        return bool(definite.size)
+
+    def _step(self, ready: Mask) -> None:
+        """Newton's step of the lanes that are ready."""
+        engine, size = self.engine, self.engine.size
+        residual, right = room().array("residual", size + 1, 3), room().array("newton", size, 3, 1)
+        with engine.clock.of(FACTORISATION):
+            right[:, :, 0] = residual[:size]
+            solve(engine.topology.starts, engine.topology.rows, engine._factor(), right)
+        for q in np.flatnonzero(self.blended).tolist():
+            if not self._blended(q, right[:, :, 0, q]):
+                self.status[q], ready[q] = STUCK, False
+        self.blended[:] = False
+        if self.quick:
+            self.status[ready & (np.abs(right).max(axis=(0, 1, 2)) > LARGEST_MOVE)] = STUCK
+        moving = ready[None].astype(float)
+        kernels.begin_step(residual, right, moving, LARGEST_MOVE, self.u, self.start, self.move, self.slope)
+        self.fraction[ready] = 1.0
+        self.start_energy = np.where(ready, np.nan, self.start_energy)
+        self.steps += ready
+        self.trying |= ready
+
+
+def _limited(move: Array) -> Array:
+    """Moves, shape (n, 3, 8), of which each lane is shortened where it would carry a node farther than allowed."""
+    farthest = np.abs(move).max(axis=(0, 1), initial=0.0)
+    return move * np.minimum(1.0, LARGEST_MOVE / np.maximum(farthest, 1e-300))
