@@ -729,18 +729,10 @@ def survives(mutation: Mutation, copy: Path) -> bool:
             f"{mutation.name}: '{mutation.text}' occurs {source.count(mutation.text)} times; mend the list"
         )
     module.write_text(source.replace(mutation.text, mutation.flipped), encoding="utf-8")
-    _age(module)
     try:
         return passes(mutation.tests, copy)
     finally:
         module.write_text(source, encoding="utf-8")
-        _age(module)
-
-
-def _age(module: Path) -> None:
-    """Make compiled code of all modules beside one anew: Numba looks at the age of a function's own file alone."""
-    for beside in module.parent.glob("*.py"):
-        beside.touch()
 
 
 def main() -> int:

@@ -254,12 +254,34 @@ def own_load_sets(monkeypatch):
 @pytest.mark.usefixtures("own_load_sets")
 def test_a_load_with_its_own_gradient_is_drawn_and_its_range_is_that_of_its_gradient(own_load, figure):
     titles = [axes_of(draw(3, own_load), letter).get_title() for letter in ("a1", "b1", "a2")]
-    assert titles[:2] == ["mine\n100% of its path"] * 2
+    assert titles[:2] == ["mine\nat 100%"] * 2
     assert titles[2] == axes_of(figure(3), "a2").get_title()
     drawn = draw(5, own_load)
     said = [axes_of(drawn, letter).get_legend().get_title().get_text() for letter in "ab"]
     assert [one.partition(",")[0] for one in said] == [f"{size} % Green strain in mine" for size in (112, 10)]
     assert any("112 % Green strain in mine" in text.get_text() for text in draw(6, own_load).texts)
+
+
+def test_a_load_has_the_look_of_the_legend_in_every_panel(study, tmp_path):
+    """Where one protocol lacks a load of the other, too."""
+    changed, others = dict(study), list(synthetic.LOADS[:1] + synthetic.LOADS[2:])
+    for kind in ("states", "curves"):
+        changed[f"{kind}_small"] = tmp_path / f"{kind}.nc"
+        dataset = read(study[f"{kind}_small"], kind).sel(deformation=others)
+        write(dataset, changed[f"{kind}_small"], kind, synthetic.params(0))
+    for number, letter in ((3, "d"), (5, "b")):
+        drawn = draw(number, changed)
+        legends = [*drawn.legends, *filter(None, (axes.get_legend() for axes in drawn.axes))]
+        keys = [
+            (text.get_text(), line) for one in legends for text, line in zip(one.texts, one.get_lines(), strict=False)
+        ]
+        shown = dict(keys)
+        colors = [shown[style.load_label(load)].get_color() for load in others]
+        assert [line.get_color() for line in lines(axes_of(drawn, letter))][: len(others)] == colors
+
+
+def test_no_two_loads_look_alike():
+    assert len({tuple(style.load_style(number).values()) for number in range(14)}) == 14
 
 
 def test_figure_6_draws_the_curves_of_the_default_load_set(files, figure):

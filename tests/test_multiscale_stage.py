@@ -1,10 +1,13 @@
 """The run with a network at every Gauss point: networks alone, one load step, any threads, killed and gone on with."""
 
+import hashlib
 import json
+import os
 import pickle
 import signal
 import subprocess
 import time
+import tracemalloc
 
 import numpy as np
 import pandas as pd
@@ -22,7 +25,7 @@ from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.materials.network import FiberNetworks
 from fibrous.networks.fiber_law import ExponentialFiber
 from fibrous.networks.guard import EquilibriumSolver
-from fibrous.study import table_2
+from fibrous.study import multiscale, table_2
 from fibrous.study.checkpoint import Checkpoint
 from fibrous.study.stages import Params, stage_params
 
@@ -123,8 +126,170 @@ def test_a_killed_run_goes_on_to_the_same_bits_with_other_threads(coupled, other
     )
 
 
+class Stopped(Exception):
+    """Of a run that is stopped after its first load step."""
+
+
+@pytest.fixture(scope="module")
+def stopped(study, tmp_path_factory):
+    """A study with the checkpoint of its run after the first load step."""
+    begun = study.with_files(tmp_path_factory.mktemp("stopped"), SPECIMEN_FILE, *NETWORK_FILES)
+    real = Walk.advance
+
+    def once(walk):
+        if walk.record.step == 1:
+            raise Stopped
+        return real(walk)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Walk, "advance", once)
+        with pytest.raises(Stopped):
+            begun.run("multiscale", run="multiscale")
+    return begun
+
+
+CHECKPOINT = "results/tissue/multiscale.checkpoint"
+
+
+def content_of(begun) -> bytes:
+    return (begun.folder / CHECKPOINT).read_bytes()
+
+
+def checkpoint_of(begun) -> Checkpoint:
+    params = stage_params("multiscale", begun.config, {"run": "multiscale"})
+    return Checkpoint(begun.folder / "results/tissue/multiscale.nc", params)
+
+
+def arrays_like(content: bytes) -> list[np.ndarray]:
+    """Room for the arrays of a checkpoint, filled with a number."""
+    listed = json.loads(content.splitlines()[1])["arrays"]
+    return [np.full(shape, 7, dtype=dtype) for dtype, shape in listed]
+
+
+def sealed(content: bytes) -> bytes:
+    """With the digest of what it says now."""
+    return content[:-32] + hashlib.sha256(content[:-32]).digest()
+
+
+def edited(content: bytes, change) -> bytes:
+    """A whole checkpoint whose second line is another."""
+    header, line, rest = content.split(b"\n", 2)
+    index = json.loads(line)
+    change(index)
+    return sealed(b"\n".join([header, json.dumps(index).encode(), rest]))
+
+
+def is_refused(begun, content: bytes, capsys) -> str:
+    """What is said of a checkpoint of this content, of which nothing is taken over."""
+    arrays, taken = arrays_like(content_of(begun)), []
+    checkpoint = checkpoint_of(begun)
+    kept = checkpoint.path.read_bytes()
+    try:
+        checkpoint.path.write_bytes(content)
+        assert not checkpoint.read(arrays, taken.append)
+    finally:
+        checkpoint.path.write_bytes(kept)
+    assert not taken
+    assert all((array == 7).all() for array in arrays)
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    return said
+
+
+def test_a_checkpoint_with_a_flipped_bit_is_refused(stopped, capsys, rng):
+    content = bytearray(content_of(stopped))
+    # Anywhere, and in the lines of text and the digest, which are small beside the arrays.
+    lines = len(b"".join(bytes(content).split(b"\n", 2)[:2])) + 2
+    places = [*rng.integers(0, len(content), 100), *rng.integers(0, lines, 80)]
+    for place in [*places, *rng.integers(len(content) - 32, len(content), 20)]:
+        bit = 1 << int(rng.integers(0, 8))
+        content[place] ^= bit
+        is_refused(stopped, bytes(content), capsys)
+        content[place] ^= bit
+    arrays = arrays_like(bytes(content))
+    assert checkpoint_of(stopped).read(arrays, lambda notes: None)
+    assert not all((array == 7).all() for array in arrays)
+
+
+class Executed:
+    """Unpickling it makes a folder."""
+
+    def __init__(self, folder):
+        self.folder = folder
+
+    def __reduce__(self):
+        return os.mkdir, (str(self.folder),)
+
+
+@pytest.mark.parametrize("what", ["pickle", "pickle after the header", "sealed pickle", "nothing", "header", "half"])
+def test_what_is_no_checkpoint_is_refused_and_not_executed(stopped, capsys, tmp_path, what):
+    content, made = content_of(stopped), pickle.dumps(Executed(tmp_path / "executed"))
+    header = content[: content.index(b"\n") + 1]
+    is_refused(
+        stopped,
+        {
+            "pickle": made,
+            "pickle after the header": header + made,
+            "sealed pickle": sealed(header + made + bytes(32)),
+            "nothing": b"",
+            "header": header,
+            "half": content[: len(content) // 2],
+        }[what],
+        capsys,
+    )
+    assert not (tmp_path / "executed").exists()
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda index: index["arrays"][0].__setitem__(0, "<f4"),
+        lambda index: index["arrays"][0].__setitem__(0, "|O"),
+        lambda index: index["arrays"][0][1].append(1),
+        lambda index: index["arrays"].pop(),
+        lambda index: index.pop("notes"),
+        lambda index: index.pop("arrays"),
+    ],
+)
+def test_arrays_of_another_kind_are_refused(stopped, capsys, change):
+    is_refused(stopped, edited(content_of(stopped), change), capsys)
+    longer = sealed(content_of(stopped)[:-32] + bytes(8 + 32))
+    assert "not as long" in is_refused(stopped, longer, capsys)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda notes: notes.clear(),
+        lambda notes: notes.update(record=[1, 2]),
+        lambda notes: notes["record"].update(step="many"),
+        lambda notes: notes["record"].update(step=9),
+        lambda notes: notes["record"].update(increment=float("inf")),
+        lambda notes: notes["record"].update(step=float("inf")),
+        lambda notes: notes["record"].update(used=None),
+        lambda notes: notes["record"].update(attempts=[[1, 2, 3]]),
+        lambda notes: notes.update(seconds={"a": "long"}),
+    ],
+)
+def test_notes_of_another_kind_leave_the_record_as_it_was(stopped, capsys, change):
+    specimen = small_specimen()
+    walk = Walk(
+        LoadStepper.of(specimen.mesh, NeoHookean(0.025, 0.417), specimen.prescribed), specimen.prescribed.values
+    )
+    kept = multiscale._Kept(walk.record, np.zeros((3, 3), dtype=np.int64), {}, 0.0)
+    checkpoint = Checkpoint(stopped.folder / "results/tissue/other.nc", {"stage": "", "config": {}, "code_hash": ""})
+    checkpoint.write(kept.arrays, kept.notes)
+    checkpoint.path.write_bytes(edited(checkpoint.path.read_bytes(), lambda index: change(index["notes"])))
+    before = json.dumps(kept.notes)
+    assert not checkpoint.read(kept.arrays, kept.take)
+    assert json.dumps(kept.notes) == before
+    assert capsys.readouterr().err.count("\n") == 1
+
+
 @pytest.mark.parametrize("change", ["config", "code", "library", "content"])
-def test_a_checkpoint_of_another_origin_or_a_broken_one_is_ignored(coupled, other, capsys, monkeypatch, change):
+def test_a_checkpoint_of_another_origin_or_a_broken_one_is_ignored(
+    coupled, stopped, other, capsys, monkeypatch, change
+):
     begun = other(SPECIMEN_FILE, *NETWORK_FILES)
     params = stage_params("multiscale", begun.config, {"run": "multiscale"})
     if change == "config":
@@ -134,15 +299,30 @@ def test_a_checkpoint_of_another_origin_or_a_broken_one_is_ignored(coupled, othe
     if change == "library":
         monkeypatch.setattr(provenance, "RECORDED", ("numpy",))
     checkpoint = Checkpoint(begun.folder / "results/tissue/multiscale.nc", params)
-    checkpoint.write("nothing of use")
+    checkpoint.write([np.zeros(3)], {})
     if change == "content":
-        checkpoint.path.write_bytes(checkpoint.path.read_bytes()[:-5])
+        broken = bytearray(content_of(stopped))
+        broken[-1000] ^= 4
+        checkpoint.path.write_bytes(broken)
     monkeypatch.undo()
     begun.run("multiscale", run="multiscale")
     said = capsys.readouterr().err
     assert ("kept by another config" in said) == (change != "content")
-    assert ("not readable" in said) == (change == "content")
+    assert ("damaged" in said) == (change == "content")
     assert same_bits(begun.tissue("multiscale"), coupled.tissue("multiscale"))
+
+
+def test_writing_a_checkpoint_takes_no_second_copy_of_its_arrays(tmp_path):
+    arrays = [np.ones(4_000_000), np.ones(1_000_000, dtype=np.float32).reshape(1000, 1000).T, np.empty((0, 3))]
+    params = {"stage": "", "config": {}, "code_hash": ""}
+    checkpoint, found = Checkpoint(tmp_path / "a.nc", params), [np.zeros_like(array) for array in arrays]
+    tracemalloc.start()
+    checkpoint.write(arrays, {"a": 1})
+    assert checkpoint.read(found, lambda notes: None)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < arrays[0].nbytes / 4
+    assert all(np.array_equal(one, same) for one, same in zip(arrays, found, strict=True))
 
 
 def test_a_run_that_fails_keeps_what_converged(other, monkeypatch):
@@ -166,7 +346,7 @@ def test_a_run_that_fails_keeps_what_converged(other, monkeypatch):
 
 
 def test_a_walk_goes_on_from_a_record():
-    """Any law: all that a walk needs is in its record."""
+    """Any law: all that a walk needs are the arrays and notes of its record."""
     specimen = small_specimen_steps(6)
     material = Mixture((NeoHookean(0.025, 0.417),))
     first, second = (LoadStepper.of(specimen.mesh, material, specimen.prescribed) for _ in range(2))
@@ -174,7 +354,10 @@ def test_a_walk_goes_on_from_a_record():
     begun = Walk(first, specimen.prescribed.values)
     for _ in range(4):
         begun.advance()
-    on = Walk(second, specimen.prescribed.values, record=pickle.loads(pickle.dumps(begun.record)))
+    on = Walk(second, specimen.prescribed.values)
+    for array, kept in zip(on.record.arrays, begun.record.arrays, strict=True):
+        array[...] = kept
+    on.record.take(json.loads(json.dumps(begun.record.notes)))
     while not on.is_over:
         on.advance()
     assert on.solution.displacement.tobytes() == whole.displacement.tobytes()

@@ -103,7 +103,7 @@ def rules() -> dict[str, set[str]]:
     found: dict[str, set[str]] = {}
     for path in (ROOT.parents[1] / "workflow/rules").glob("*.smk"):
         for block in RULE.finditer(path.read_text(encoding="utf-8")):
-            if stage := re.search(r"\bparams\(\"(\w+)\"\)", block[0]):
+            if stage := re.search(r"\bjob\(\"(\w+)\"\)", block[0]):
                 found.setdefault(STAGES[stage[1]].module, set()).add(block[1])
     return found
 

@@ -208,7 +208,7 @@ def write(dataset: xr.Dataset, path: Path, kind: str, params: Mapping[str, Any])
         coordinate.attrs.update(units=units, long_name=long_name)
     dataset.attrs.update(kind=kind, **attributes(params))
     encoding = {name: {"zlib": True, "complevel": 1} for name, variable in declared.items() if variable.kind != "U"}
-    with _in_place_of(path) as beside:
+    with in_place_of(path) as beside:
         save(dataset, beside, encoding)
 
 
@@ -293,12 +293,12 @@ def _check(dataset: xr.Dataset, kind_of_file: str, path: Path) -> None:
 
 def place(content: bytes, path: Path) -> None:
     """Write `content` to `path` whole or not at all: beside it, then renamed. Raises DatasetError if it cannot."""
-    with _in_place_of(path) as beside:
+    with in_place_of(path) as beside:
         beside.write_bytes(content)
 
 
 @contextmanager
-def _in_place_of(path: Path) -> Iterator[Path]:
+def in_place_of(path: Path) -> Iterator[Path]:
     """An empty file beside `path` to be written; it then takes the place of `path`, or is gone after an error.
 
     Raises DatasetError for an OSError.

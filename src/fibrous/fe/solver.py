@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
@@ -22,7 +22,7 @@ from fibrous.fe.assembly import Assembly, Point
 from fibrous.fe.boundary import PrescribedDisplacement
 from fibrous.fe.linear import LinearSolver, Name, linear_solver
 from fibrous.fe.mesh import Mesh
-from fibrous.materials.contract import Material, State, join
+from fibrous.materials.contract import Material, State, arrays_of, join
 
 Array = NDArray[np.float64]
 
@@ -141,7 +141,7 @@ class LoadStepper:
         self,
         here: Point,
         target: Array,
-        before: Move | None,
+        before: Move,
         used: Counter[str],
         residuals: list[float],
         watch: Callable[[], None],
@@ -158,7 +158,7 @@ class LoadStepper:
         components[prescribed] = target
         right = -here.internal_force.reshape(-1)[free] - here.coupling @ change
         move = Move(change, self._linear(here, right, used))
-        components[free] += move.response + (move.bend(before) if before is not None else 0.0)
+        components[free] += move.response + move.bend(before)
         near = None
         for _ in range(self.largest_number_of_iterations):
             point = assembly.evaluate(displacement.copy(), here.states, near)
@@ -215,12 +215,14 @@ class Move:
 
 
 class Walk:
-    """A walk along targets, one load step at a time. A copy of `record` lets another walk go on from there.
+    """A walk along targets, one load step at a time.
+
+    Another walk of the same stepper and targets goes on from here when its record takes over the notes and the content
+    of the arrays of this one's.
 
     Parameters
     ----------
     stepper, targets, start, state : as of `LoadStepper.follow`
-    record : of another walk of the same stepper and targets, to go on from instead
     watch : called with the walk after every Newton iteration; `residuals` are those of the increment at hand
     """
 
@@ -230,13 +232,12 @@ class Walk:
         targets: Array,
         start: Array | None = None,
         state: State = None,
-        record: Record | None = None,
         watch: Callable[[Walk], None] | None = None,
     ) -> None:
         self.stepper, self.targets = stepper, np.asarray(targets, dtype=float)
         self._watch = (lambda: watch(self)) if watch is not None else (lambda: None)
         self.residuals: list[float] = []
-        self.record = self._begun(start, state) if record is None else record
+        self.record = self._begun(start, state)
 
     def _begun(self, start: Array | None, state: State) -> Record:
         assembly = self.stepper.assembly
@@ -249,7 +250,8 @@ class Walk:
         with _numerics():
             origin = np.zeros((nodes, 3)) if start is None else np.asarray(start, dtype=float)
             here = assembly.evaluate(origin, assembly.split(state))
-        return Record(here, None, 1.0, 0, displacement, force, gradient, stress, iterations, cuts, Counter(), [])
+        still = Move(np.zeros(len(assembly.prescribed)), np.zeros(len(assembly.free)))
+        return Record(here, still, 1.0, 0, displacement, force, gradient, stress, iterations, cuts, Counter(), [])
 
     @property
     def is_over(self) -> bool:
@@ -321,12 +323,12 @@ class Walk:
 class Record:
     """All that a walk has found, and all that it needs to go on; arrays over all steps, as of `Solution`.
 
-    here : the last equilibrium; before : the move that led there
+    here : the last equilibrium; before : the move that led there, none at all at the start
     increment : part of a step to try next; step : the next target
     """
 
     here: Point
-    before: Move | None
+    before: Move
     increment: float
     step: int
     displacement: Array
@@ -337,6 +339,36 @@ class Record:
     cuts: NDArray[np.int64]
     used: Counter[str]
     attempts: list[Attempt]
+
+    @property
+    def arrays(self) -> list[NDArray[Any]]:
+        """The very arrays that a walk needs to go on, in a fixed order; the pattern of the stiffness never changes."""
+        found, here = [self.displacement, self.force, self.gradient, self.stress, self.iterations, self.cuts], self.here
+        found += [here.displacement, here.internal_force, here.stiffness.data, here.coupling.data, here.stress]
+        return [*found, self.before.change, self.before.response, *arrays_of(here.states)]
+
+    @property
+    def notes(self) -> dict[str, Any]:
+        """All else that it needs, as JSON can hold it."""
+        names = ("increment", "step", "used")
+        attempts = [list(vars(attempt).values()) for attempt in self.attempts]
+        return {name: getattr(self, name) for name in names} | {
+            "force_scale": self.here.force_scale,
+            "attempts": attempts,
+        }
+
+    def take(self, notes: Any) -> None:
+        """Take over notes that JSON gave back; a class of error that is about values says that they are none."""
+        step, increment, force_scale = int(notes["step"]), float(notes["increment"]), float(notes["force_scale"])
+        used = Counter({str(name): int(count) for name, count in notes["used"].items()})
+        attempts = [
+            Attempt(int(number), float(start), float(end), tuple(map(float, residuals)), str(failure))
+            for number, start, end, residuals, failure in notes["attempts"]
+        ]
+        if not (0 <= step <= len(self.iterations) and 0.0 < increment <= 1.0 and force_scale > 0.0):
+            raise ValueError(f"step {step}, increment {increment}, force scale {force_scale}")
+        self.step, self.increment, self.used, self.attempts = step, increment, used, attempts
+        self.here = replace(self.here, force_scale=force_scale)
 
 
 @contextmanager

@@ -94,7 +94,7 @@ def energy_table(states: pd.DataFrame, fits: pd.DataFrame, by: str) -> pd.DataFr
 
 
 def load_numbers(states: pd.DataFrame) -> dict[str, int]:
-    """Each load's number in its protocol, which decides its colour and marker."""
+    """Each load's number among those of all the panels of a figure, which decides its colour and marker."""
     return {load: number for number, load in enumerate(states["deformation"].unique())}
 
 
@@ -119,19 +119,23 @@ def draw_load(axes: Axes, states: pd.DataFrame, column: str, number: int, scale:
 
 
 def draw_energies(
-    axes: Axes, states: pd.DataFrame, curves: pd.DataFrame, default_loads: Collection[str]
+    axes: Axes,
+    states: pd.DataFrame,
+    curves: pd.DataFrame,
+    default_loads: Collection[str],
+    numbers: Mapping[str, int],
 ) -> dict[str, str]:
     """Draw W against λ_f, states of one network and rows of energy_table that are fitted curves.
 
-    The energy axis ends where the default load set does, or the loads that end within SHOWN_RATIO of it. Returns the
-    loads that leave the panel, with the energy they end at in words.
+    `numbers` are the load_numbers of the figure. The energy axis ends where the default load set does, or the loads
+    that end within SHOWN_RATIO of it. Returns the loads that leave the panel, with the energy they end at in words.
     """
     ends = states[states["converged"]].groupby("deformation", sort=False)["strain_energy_density_MPa"].max()
     default = float(ends[ends.index.isin(list(default_loads))].max())
     limit = float(ends[ends <= SHOWN_RATIO * default].max())
     scale, unit = (1.0, "MPa") if limit > 0.01 else (1e3, "kPa")
-    for load, number in load_numbers(states).items():
-        draw_load(axes, states[states["deformation"] == load], "strain_energy_density_MPa", number, scale)
+    for load in states["deformation"].unique():
+        draw_load(axes, states[states["deformation"] == load], "strain_energy_density_MPa", numbers[load], scale)
     for number, (_, curve) in enumerate(curves.groupby("series", sort=False)):
         energy = scale * curve["strain_energy_density_MPa"]
         axes.plot(curve["averaged_stretch"], energy, **style.fit_style(number), zorder=5)

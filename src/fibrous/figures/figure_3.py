@@ -25,7 +25,7 @@ MAGNITUDES = {
     "uniaxial": "$\\lambda = {:.2f}$",
     "biaxial": "$m = {:.2f}$",
     "shear": "$\\gamma = {:.2f}$",
-    None: "{:.0%} of its path",
+    None: "at {:.0%}",
 }
 CAMERA = Camera.looking_from(azimuth_deg=-62.0, elevation_deg=22.0)
 # Share of fibres inside the colour scale; the few beyond it take its end colours.
@@ -58,7 +58,7 @@ def draw(states: list[xr.Dataset], table: pd.DataFrame) -> Figure:
     for row, (upper, lower) in enumerate(zip("ab", "cd", strict=True)):
         _draw_networks(figure, rows[row], states[row], parts[row], upper)
         axes = figure.add_subplot(below[row + 1])
-        _draw_eigenvalues(axes, parts[row])
+        _draw_eigenvalues(axes, parts[row], load_numbers(table))
         axes.set_title(f"end states: row {upper}", loc="right", color=style.FAINT)
         style.panel_letter(axes, lower)
     axes.legend(handles=load_handles(table), loc="upper left", bbox_to_anchor=(1.04, 1.0), handlelength=1.4)
@@ -100,8 +100,8 @@ def _draw_networks(figure: Figure, spec: SubplotSpec, states: xr.Dataset, table:
     style.stretch_bar(figure, (0.92, box.y0 + 0.08 * box.height, 0.011, 0.75 * box.height), largest)
 
 
-def _draw_eigenvalues(axes: Axes, table: pd.DataFrame) -> None:
-    for load, number in load_numbers(table).items():
-        draw_load(axes, table[table["deformation"] == load], "largest_orientation_eigenvalue", number)
+def _draw_eigenvalues(axes: Axes, table: pd.DataFrame, numbers: Mapping[str, int]) -> None:
+    for load in table["deformation"].unique():
+        draw_load(axes, table[table["deformation"] == load], "largest_orientation_eigenvalue", numbers[load])
     axes.set_xlabel("averaged fibre stretch $\\lambda_f$ (1)")
     axes.set_ylabel("largest eigenvalue of $h$ (1)")

@@ -20,6 +20,7 @@ from fibrous.figures.curves import (
     energy_table,
     fit_label,
     load_handles,
+    load_numbers,
     pooled_fits,
     stacked,
 )
@@ -51,7 +52,7 @@ def draw(states: pd.DataFrame, fits: pd.DataFrame, table: pd.DataFrame, load_set
         axes = figure.add_subplot(grid[column])
         own = states[states["protocol"] == protocol]
         curves = table[(table["protocol"] == protocol) & (table["kind"] == "fit")]
-        beyond = draw_energies(axes, own, curves, load_sets[0]["loads"])
+        beyond = draw_energies(axes, own, curves, load_sets[0]["loads"], load_numbers(states))
         handles = _fit_handles(fits[fits["protocol"] == protocol], load_sets)
         handles += [Line2D([], [], ls="none", label=f"{load} leaves the panel,\n{end}") for load, end in beyond.items()]
         title = f"{amplitude(own)},\n$\\lambda_f$ ≤ {own['averaged_stretch'].max():.3f}"

@@ -25,6 +25,7 @@ from fibrous.figures.curves import (
     energy_table,
     fit_label,
     load_handles,
+    load_numbers,
     pooled_fits,
     stacked,
 )
@@ -116,7 +117,7 @@ def draw(
         axes = figure.add_subplot(grid[2, column])
         own = states[states["name"] == fit["name"]]
         drawn = curves[(curves["name"] == fit["name"]) & (curves["kind"] == "fit")]
-        draw_energies(axes, own, drawn, own["deformation"].unique())
+        draw_energies(axes, own, drawn, own["deformation"].unique(), load_numbers(states))
         axes.text(0.04, 1.0, fit_label(fit, "\n"), transform=axes.transAxes, va="top", fontsize=6.0)
         axes.set(xlabel="$\\lambda_f$ (1)", ylabel=axes.get_ylabel().removeprefix("strain energy density "))
         style.panel_letter(axes, f"c{column + 1}")

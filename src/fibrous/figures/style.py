@@ -141,9 +141,9 @@ def load_label(name: str) -> str:
 
 
 def load_style(number: int) -> dict[str, Any]:
-    """Colour and marker of the load with that number in its protocol."""
-    number %= len(_LOAD_COLORS)
-    return {"color": _LOAD_COLORS[number], "marker": _LOAD_MARKERS[number]}
+    """Colour and marker of the load with that number in its figure; an eighth has the first colour, another marker."""
+    again, number = divmod(number, len(_LOAD_COLORS))
+    return {"color": _LOAD_COLORS[number], "marker": _LOAD_MARKERS[(number + again) % len(_LOAD_MARKERS)]}
 
 
 def model_style(number: int) -> dict[str, Any]:

@@ -143,6 +143,15 @@ def join(states: Sequence[State]) -> State:
     return np.concatenate(states)
 
 
+def arrays_of(state: State) -> list[NDArray[Any]]:
+    """All arrays of a state in a fixed order, the very ones, not copies."""
+    if state is None:
+        return []
+    if isinstance(state, tuple):
+        return [array for part in state for array in arrays_of(part)]
+    return [state]
+
+
 def _alike(state: tuple[State, ...], parts: list[State]) -> State:
     """A tuple of `parts`, with names where `state` has them."""
     return type(state)(*parts) if hasattr(state, "_fields") else tuple(parts)

@@ -37,6 +37,20 @@ class _Kept:
     seconds: dict[str, float]
     cpu_seconds: float
 
+    @property
+    def arrays(self) -> list[np.ndarray]:
+        return [*self.record.arrays, self.counts]
+
+    @property
+    def notes(self) -> dict[str, Any]:
+        return {"record": self.record.notes, "seconds": self.seconds, "cpu_seconds": self.cpu_seconds}
+
+    def take(self, notes: Any) -> None:
+        seconds = {str(part): float(spent) for part, spent in notes["seconds"].items()}
+        spent = float(notes["cpu_seconds"])
+        self.record.take(notes["record"])
+        self.seconds, self.cpu_seconds = seconds, spent
+
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
     """Read `specimen` and `networks`; write `tissue` and `vtu`. ``params["threads"]`` elements are worked on at a time.
@@ -50,13 +64,12 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     clock = Clock()
     stepper, tensor = _stepper(inputs["networks"], specimen, numbers, config, params.get("threads", 1), clock)
     checkpoint, progress = Checkpoint(outputs["tissue"], params), Progress(config["run"], params.get("terminal"))
-    kept = checkpoint.read()
-    walk = Walk(stepper, targets, record=kept.record if kept else None, watch=progress)
-    if kept is None:
-        kept = _Kept(walk.record, np.zeros((len(targets), len(COUNTS)), dtype=np.int64), {}, 0.0)
-    else:
+    walk = Walk(stepper, targets, watch=progress)
+    kept = _Kept(walk.record, np.zeros((len(targets), len(COUNTS)), dtype=np.int64), {}, 0.0)
+    if checkpoint.read(kept.arrays, kept.take):
         progress.goes_on(walk)
-        clock.seconds.update(kept.seconds)
+        for part, seconds in kept.seconds.items():
+            clock.seconds[part] += seconds
     spent, failure = kept.cpu_seconds, None
     progress.network_iterations = _sums(walk.record)[0]
     try:
@@ -67,7 +80,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
             progress.network_iterations = _sums(walk.record)[0]
             kept.seconds, kept.cpu_seconds = dict(clock.seconds), spent + cpu_seconds()
             if not walk.is_over:
-                checkpoint.write(kept)
+                checkpoint.write(kept.arrays, kept.notes)
     except LoadStepError as error:
         failure = error
     say(tuple(walk.record.attempts))
