@@ -1,6 +1,8 @@
 """The house of the package: imports run one way, and rooms that should not know each other do not."""
 
 import ast
+import subprocess
+import sys
 from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -88,3 +90,29 @@ def test_only_figures_draw_and_nothing_knows_snakemake():
         if not name.startswith("fibrous.figures"):
             assert "import matplotlib" not in text
             assert "from matplotlib" not in text
+
+
+# Stages that solve for no network.
+TELLING = (
+    "study.fits", "study.surface", "study.specimen", "study.comparison", "study.tissue_table", "study.febio",
+    "study.table_2", "study.claims", "study.convergence", "study.stage_costs", "study.table_pages", "study.report",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("modules", "spared"),
+    [
+        (TELLING, ("numba", "matplotlib", "scipy.stats", "snakemake")),
+        (
+            [name.removeprefix("fibrous.") for name in MODULES if ".figures." in name],
+            ("numba", "scipy.stats", "meshio"),
+        ),
+        (("study.curves", "study.refit_curves", "study.states"), ("matplotlib", "scipy.stats", "meshio")),
+    ],
+    ids=["tables", "figures", "curves"],
+)
+def test_a_job_imports_what_it_uses(modules, spared):
+    """Hundreds of jobs start a process each: an import of half a second is minutes of the study."""
+    line = f"import sys, {', '.join(f'fibrous.{name}' for name in modules)}; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", line], capture_output=True, text=True, check=True)
+    assert not set(spared) & set(done.stdout.split())
