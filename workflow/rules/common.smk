@@ -108,4 +108,7 @@ def clear_stale_locks():
 
 RUN_MARK = clear_stale_locks()
 # The whole config is recorded in every result. A resource, no param: a change reruns what depends on it and nothing else.
-CONFIG = hand_over(config)
+try:
+    CONFIG = hand_over(config)
+except FibrousError as error:
+    sys.exit(str(error))

@@ -22,7 +22,7 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from fibrous.errors import FibrousError
+from fibrous.errors import DatasetError, FibrousError
 
 FOLDER = Path(".snakemake") / "fibrous"
 PR_SET_PDEATHSIG = 1  # linux/prctl.h
@@ -34,16 +34,20 @@ def hand_over(content: Mapping[str, Any]) -> str:
 
     Equal content has one path, which therefore tells Snakemake whether a job has changed, and no run overwrites what
     another one reads. A job's content holds its params, and its files by name as `inputs` and `outputs`.
+    Raises DatasetError where the file cannot be written.
     """
     text = json.dumps(content, sort_keys=True)
     path = FOLDER / f"{hashlib.sha256(text.encode()).hexdigest()[:32]}.json"
     with suppress(OSError):
         if path.read_text(encoding="utf-8") == text:
             return str(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_suffix(f".{os.getpid()}")
-    beside.write_text(text, encoding="utf-8")
-    beside.replace(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        beside.write_text(text, encoding="utf-8")
+        beside.replace(path)
+    except OSError as error:
+        raise DatasetError(f"{path}: cannot be written ({error.strerror}); free space or mend the permission") from None
     return str(path)
 
 
