@@ -9,7 +9,7 @@ import types
 from pathlib import Path
 
 import pytest
-from workflow_runs import job_line
+from workflow_runs import job_line, snakemake
 
 from fibrous.errors import NetworkError
 from fibrous.study import job
@@ -142,6 +142,16 @@ def test_a_job_without_its_file_is_one_line(run, tmp_path):
     line = [sys.executable, "-m", "fibrous.study.job", "none.json", "--config", "none.json"]
     done = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, timeout=60)
     assert one_line(done).startswith("none.json: No such file")
+
+
+def test_a_place_for_the_files_of_jobs_that_cannot_be_written_is_one_line(tmp_path):
+    (tmp_path / ".snakemake").mkdir()
+    (tmp_path / ".snakemake" / "fibrous").write_text("a file where a folder should be")
+    done = snakemake(tmp_path, "-n", "figure_7")
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].startswith(".snakemake/fibrous/")
+    assert "cannot be written (" in done.stderr.splitlines()[-1]
+    assert "Traceback" not in done.stderr
 
 
 def test_the_file_of_a_job_is_named_by_its_content(monkeypatch, tmp_path):

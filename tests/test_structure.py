@@ -2,6 +2,8 @@
 
 import ast
 import re
+import subprocess
+import sys
 from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -135,3 +137,29 @@ def test_no_docstring_is_cut():
         assert not re.search(r'"\s*\n\s*"', prose), text
         assert all(prose.count(a) == prose.count(b) for a, b in ("()", "[]", "{}")), text
         assert re.search(r"[.:…][\")]*$", prose.split("\n\n")[0].rstrip()), text
+
+
+# Stages that solve for no network.
+TELLING = (
+    "study.fits", "study.surface", "study.specimen", "study.comparison", "study.tissue_table", "study.febio",
+    "study.table_2", "study.claims", "study.convergence", "study.stage_costs", "study.table_pages", "study.report",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("modules", "spared"),
+    [
+        (TELLING, ("numba", "matplotlib", "scipy.stats", "snakemake")),
+        (
+            [name.removeprefix("fibrous.") for name in MODULES if ".figures." in name],
+            ("numba", "scipy.stats", "meshio"),
+        ),
+        (("study.curves", "study.refit_curves", "study.states"), ("matplotlib", "scipy.stats", "meshio")),
+    ],
+    ids=["tables", "figures", "curves"],
+)
+def test_a_job_imports_what_it_uses(modules, spared):
+    """Hundreds of jobs start a process each: an import of half a second is minutes of the study."""
+    line = f"import sys, {', '.join(f'fibrous.{name}' for name in modules)}; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", line], capture_output=True, text=True, check=True)
+    assert not set(spared) & set(done.stdout.split())

@@ -65,7 +65,7 @@ as_printed = together(
     of_runs(*HGO_LAWS),
 )
 # What tells the whole study is made again with any part of it.
-TELLING = {"stage_costs", "table_page", "report"}
+TELLING = {"stage_costs", "table_pages", "report"}
 # Every key of the config, a change of it, and what depends on it.
 CHANGES = {
     "seed": (5, the_networks),

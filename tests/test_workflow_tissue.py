@@ -7,10 +7,10 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from workflow_runs import QUICK, files_of, snakemake, would_run, written
+from workflow_runs import QUICK, quick_config, snakemake, would_run, written
 
 from fibrous.fe.mesh import box
-from fibrous.study.configuration import loaded
+from fibrous.study.configuration import loaded, validated
 from fibrous.study.jobs import OF_THE_PAPER
 from fibrous.study.stages import STAGES, expected_files, stage_params
 
@@ -79,6 +79,16 @@ def ensembles(paths: set[str]) -> set[str]:
     return {Path(path).parts[2] for path in paths if path.startswith("results/networks/")}
 
 
+def whole_study(folder: Path, change: dict) -> set[str]:
+    """The files of the quick study with `change`, which sees the paths of the tissue from `folder`."""
+    config = quick_config()
+    for key, value in change.items():
+        config[key] = {**config[key], **value} if isinstance(value, dict) else value
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        return {path for path, _, _ in expected_files(validated(config))}
+
+
 def test_a_tissue_of_ones_own_makes_no_other_networks(tmp_path):
     own_tissue(tmp_path)
     for targets in ((), ("tissue",), ("curves",), ("report",)):
@@ -86,22 +96,18 @@ def test_a_tissue_of_ones_own_makes_no_other_networks(tmp_path):
         assert ensembles(found) == {"tissue"}
         assert not any(f"/{name}" in path for path in found for name in ("delaunay", "named", "replicates", "surface"))
     found = would_run(tmp_path, few_models())
-    figures = ("figure_specimen", "figure_9", "figure_comparison", "figure_4")
-    assert files_of(few_config(tmp_path), "comparison", "table_2", "report", *figures) <= found
+    assert found == whole_study(tmp_path, few_models())
+    made = ("tables/comparison.csv", "tables/table_2.csv", "report.html", "report/comparison.html")
+    drawn = (f"figures/{name}.png" for name in ("specimen", "figure_9", "comparison", "figure_4"))
+    assert {f"results/{path}" for path in (*made, *drawn)} <= found
     assert "results/claims.csv" not in found
     assert set(STAGES) >= OF_THE_PAPER
-
-
-def few_config(folder: Path) -> dict:
-    """The config of a dry run in `folder`, which the paths of the tissue are seen from."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        return loaded(written(folder, few_models(), "few.yaml"))
 
 
 def test_a_model_with_constants_of_the_surface_makes_its_networks_and_no_others(tmp_path):
     own_tissue(tmp_path)
     found = would_run(tmp_path, few_models(FROM_SURFACE))
+    assert found == whole_study(tmp_path, few_models(FROM_SURFACE))
     assert ensembles(found) == {"tissue", "delaunay"}
     assert {"results/tables/surface.nc", "results/tissue/hgo_surface.nc"} <= found
     assert "results/claims.csv" not in found

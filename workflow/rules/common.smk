@@ -53,9 +53,12 @@ def outputs(stage):
         found["svg"] = report(
             found["svg"], str(caption), category=FIGURES[stage][0], labels={"figure": FIGURES[stage][1]}
         )
-    elif stage == "table_page":
+    elif stage == "table_pages":
         caption = configuration.CAPTIONS / "table.rst"
-        found["page"] = report(found["page"], str(caption), category="Tables", labels={"table": "{table}"})
+        found["page"] = []
+        for name, path in stages.STAGES[stage].files(config, {}).items():
+            page = report(path, str(caption), category="Tables", labels={"table": name})
+            found["page"].append(page)
     return found
 
 
@@ -105,4 +108,7 @@ def clear_stale_locks():
 
 RUN_MARK = clear_stale_locks()
 # The whole config is recorded in every result. A resource, no param: a change reruns what depends on it and nothing else.
-CONFIG = hand_over(config)
+try:
+    CONFIG = hand_over(config)
+except FibrousError as error:
+    sys.exit(str(error))

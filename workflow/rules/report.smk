@@ -60,21 +60,21 @@ rule sum_up_costs:
         JOB
 
 
-rule show_table:
+rule show_tables:
     input:
-        unpack(inputs("table_page")),
+        unpack(inputs("table_pages")),
     output:
-        **outputs("table_page"),
+        **outputs("table_pages"),
     log:
-        "logs/report/{table}.log",
+        "logs/report_tables.log",
     threads: 1
     resources:
         mem_mb=1000,
         config=CONFIG,
     params:
-        job=job("table_page"),
+        job=job("table_pages"),
     message:
-        "Writing table {wildcards.table} as a page"
+        "Writing every table as a page"
     shell:
         JOB
 

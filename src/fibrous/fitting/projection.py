@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 Array = NDArray[np.float64]
 # φ(s) and e^-s d(e^s φ)/ds, shape (..., data), for s of shape (..., 1) or a single number.
@@ -119,5 +119,5 @@ def _half_widths(phi: Array, derivative: Array, amplitude: float, squares: float
         return _HalfWidths(np.nan, np.nan, inside)
     triangular = np.linalg.qr(jacobian / norms, mode="r")
     spread = np.sqrt(np.sum(np.linalg.inv(triangular) ** 2, axis=1)) / norms
-    width = student.ppf(0.5 + CONFIDENCE / 2.0, freedom) * np.sqrt(squares / freedom) * spread
+    width = stdtrit(freedom, 0.5 + CONFIDENCE / 2.0) * np.sqrt(squares / freedom) * spread
     return _HalfWidths(float(width[0]), float(width[1]) if inside else np.nan, inside)

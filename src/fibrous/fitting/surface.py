@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from fibrous.errors import FitError
 
@@ -181,7 +181,7 @@ def alignment(structure_tensor: ArrayLike, ranges: ArrayLike) -> tuple[float, fl
 
 
 def _quantile(freedom: int) -> float:
-    return float(student.ppf(0.5 + CONFIDENCE / 2.0, freedom))
+    return float(stdtrit(freedom, 0.5 + CONFIDENCE / 2.0))
 
 
 def _r_squared(residual: Array, value: Array) -> float:

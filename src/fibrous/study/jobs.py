@@ -39,9 +39,8 @@ def possible_jobs(stages: Mapping[str, Stage], config: Config) -> Iterator[Job]:
     """Every job of these stages, with those on demand."""
     for name, stage in stages.items():
         for wildcards in stage.instances(config):
-            outputs = (pattern.format_map(wildcards) for pattern in stage.outputs.values())
             inputs = (path for paths in stage.inputs(config, wildcards).values() for path in paths)
-            yield Job(name, wildcards, tuple(outputs), tuple(inputs))
+            yield Job(name, wildcards, tuple(stage.files(config, wildcards).values()), tuple(inputs))
 
 
 def jobs(stages: Mapping[str, Stage], config: Config) -> list[Job]:

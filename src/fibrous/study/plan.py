@@ -31,7 +31,8 @@ EQ_2 = {"energy": "structure_tensor", "objective": "energy"}
 class Stage:
     """One module with its files: patterns of the outputs by name, and functions of config and wildcards.
 
-    What is `on_demand` is made when it is asked for by name, and is no part of the whole study.
+    What is `on_demand` is made when it is asked for by name, and is no part of the whole study. A job that writes one
+    file for `each` of some names has one output, whose pattern holds {each}; its files are called by these names.
     """
 
     module: str
@@ -40,6 +41,14 @@ class Stage:
     config: Callable[[Config, Wildcards], dict[str, Any]]
     instances: Callable[[Config], list[dict[str, str]]]
     on_demand: bool = False
+    each: Callable[[Config], list[str]] | None = None
+
+    def files(self, config: Config, wildcards: Wildcards) -> dict[str, str]:
+        """Paths of the files that one job writes, by name."""
+        if self.each is None:
+            return {name: pattern.format_map(wildcards) for name, pattern in self.outputs.items()}
+        (pattern,) = self.outputs.values()
+        return {name: pattern.format(each=name) for name in self.each(config)}
 
 
 @dataclass(frozen=True)

@@ -69,12 +69,13 @@ def report_stages(stages: Mapping[str, Stage]) -> dict[str, Stage]:
             config=lambda config, _: _costs_config(told, config),
             instances=once,
         ),
-        "table_page": Stage(
-            module="fibrous.study.table_page",
-            outputs={"page": "results/report/{table}.html"},
-            inputs=lambda _, wildcards: {"table": [VIEWS[wildcards["table"]].path]},
-            config=lambda _, wildcards: {"table": wildcards["table"], "templates": _templates()},
-            instances=lambda config: [{"table": name} for name in (_tables(told, config) if once(config) else [])],
+        "table_pages": Stage(
+            module="fibrous.study.table_pages",
+            outputs={"page": "results/report/{each}.html"},
+            inputs=lambda config, _: {"tables": [VIEWS[name].path for name in _tables(told, config)]},
+            config=lambda config, _: {"tables": _tables(told, config), "templates": _templates()},
+            instances=once,
+            each=lambda config: _tables(told, config),
         ),
         "report": Stage(
             module="fibrous.study.report",

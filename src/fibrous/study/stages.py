@@ -60,8 +60,7 @@ class Params:
 
     def with_files(self, stage: str, wildcards: Wildcards) -> dict[str, Any]:
         """The same with the job's files by name: lists of paths under `inputs`, paths under `outputs`."""
-        inputs, patterns = STAGES[stage].inputs(self.config, wildcards), STAGES[stage].outputs
-        outputs = {name: pattern.format_map(wildcards) for name, pattern in patterns.items()}
+        inputs, outputs = (told(self.config, wildcards) for told in (STAGES[stage].inputs, STAGES[stage].files))
         return {**self.of(stage, wildcards), "inputs": inputs, "outputs": outputs}
 
     def _with_hash(self, stage: str, wildcards: Wildcards) -> tuple[dict[str, Any], str]:
