@@ -79,7 +79,7 @@ def factor_and_solve(network, nonlinearity: float, repeats: int = 9) -> float:
 
 
 def refits(path: Path, config: dict) -> float:
-    """CPU seconds per state of four paths per network that end near Eq. 9, as elements go in four runs of the tissue."""
+    """CPU seconds per state of four paths per network that end near Eq. 9, as elements of four runs go."""
     dataset = datasets.read(path, "networks")
     rng = np.random.default_rng(1)
     end = np.array([[1.239, 0.0, 0.0035], [0.0, 1.048, -0.0014], [-0.0080, 0.102, 0.770]])

@@ -27,6 +27,7 @@ from fibrous.networks.fiber_law import ExponentialFiber
 from fibrous.networks.guard import EquilibriumSolver
 from fibrous.study import multiscale, table_2
 from fibrous.study.checkpoint import Checkpoint
+from fibrous.study.fits import fits_key
 from fibrous.study.stages import Params, stage_params
 
 SCALE = 10.0 * np.pi * 0.1**2 / 8.0**2  # k π R²/χ²
@@ -375,7 +376,9 @@ def small_specimen_steps(steps: int):
 
 
 def test_table_2_sums_up_what_the_processes_counted(tmp_path):
-    params = {"stage": "fibrous.study.table_2", "config": {"reference": "multiscale"}, "code_hash": ""}
+    form = {"energy": "families", "objective": "stress"}
+    config = {"reference": "multiscale", "model": form, "load_set": "set", "loads_used": 0.5}
+    params = {"stage": "fibrous.study.table_2", "config": config, "code_hash": ""}
 
     def written(name: str, seconds: float, **attributes) -> str:
         dataset = xr.Dataset(
@@ -394,8 +397,13 @@ def test_table_2_sums_up_what_the_processes_counted(tmp_path):
     parts = json.dumps({"assembly": 1000.0, "factorisation": 500.0})
     inputs = {
         "networks": [written("n.nc", 7.2)],
-        "initial": [written("a.nc", 36.0), written("b.nc", 36.0)],
-        "refit": [written("c.nc", 18.0)],
+        # Half of the loads, one law of two, and a quarter of a job that refits four: what is left is in no row's total.
+        "initial": [
+            written("a.nc", 36.0),
+            written("b.nc", 36.0),
+            written("f.nc", 48.0, cpu_seconds_of_fits=json.dumps({fits_key(form, "set"): 30.0, "other": 12.0})),
+        ],
+        "refit": [written("c.nc", 72.0, files_of_job=4)],
         "hybrid": [written("d.nc", 9.0), written("e.nc", 9.0)],
         "multiscale": [written("multiscale.nc", 3600.0, cpu_seconds_of_parts=parts)],
     }
@@ -404,7 +412,9 @@ def test_table_2_sums_up_what_the_processes_counted(tmp_path):
     table = pd.read_csv(outputs["table_2"]).set_index(["method", "task"])["cpu_hours"]
     assert table["hybrid", "total"] == pytest.approx(108.0 / 3600.0)
     (initial,) = [hours for (method, task), hours in table.items() if task.startswith("initial simulation")]
-    assert initial == pytest.approx(0.02)
+    assert initial == pytest.approx((36.0 + 36.0) / 3600.0)
+    (beyond,) = [hours for (method, _), hours in table.items() if method == "beyond"]
+    assert beyond == pytest.approx((36.0 + 12.0) / 3600.0)
     row = pd.read_csv(outputs["table_2"]).iloc[-1]
     assert row["times_hybrid"] == pytest.approx(1.0 / 0.03)
     assert row["paper_over_ours"] == pytest.approx(2622.69)

@@ -62,13 +62,13 @@ def outputs(stage):
     return found
 
 
-def inputs(stage):
-    return lambda wildcards: stages.STAGES[stage].inputs(config, dict(wildcards.items()))
+def inputs(stage, **fixed):
+    return lambda wildcards: stages.STAGES[stage].inputs(config, {**wildcards, **fixed})
 
 
-def job(stage):
+def job(stage, **fixed):
     # The file that says what a job has to do. Its name changes with its content, and then Snakemake runs the job.
-    return lambda wildcards: hand_over(PARAMS.with_files(stage, dict(wildcards.items())))
+    return lambda wildcards: hand_over(PARAMS.with_files(stage, {**wildcards, **fixed}))
 
 
 def end_of_run():

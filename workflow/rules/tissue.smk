@@ -27,23 +27,27 @@ rule tissue:
         "All finite element runs of the tissue"
 
 
-rule deform_networks_as_in_tissue:
-    input:
-        unpack(inputs("refit_curves")),
-    output:
-        **outputs("refit_curves"),
-    log:
-        "logs/curves/tissue/refit_{run}/{batch}.log",
-    threads: 1
-    resources:
-        mem_mb=1500,
-        config=CONFIG,
-    params:
-        job=job("refit_curves"),
-    message:
-        "Deforming batch {wildcards.batch} of the tissue's networks as their elements are in run {wildcards.run}"
-    shell:
-        JOB
+for number in plan.refit_sources(config):
+
+    rule:
+        name:
+            f"deform_networks_as_in_tissue_{number}"
+        input:
+            unpack(inputs("refit_curves", round=number)),
+        output:
+            **stages.STAGES["refit_curves"].files(config, {"round": number, "batch": "{batch}"}),
+        log:
+            f"logs/curves/tissue/refit_{number}_{{batch}}.log",
+        threads: 1
+        resources:
+            mem_mb=1500,
+            config=CONFIG,
+        params:
+            job=job("refit_curves", round=number),
+        message:
+            "Deforming batch {wildcards.batch} of the tissue's networks as their elements are in the runs to be refitted"
+        shell:
+            JOB
 
 
 rule refit_networks:

@@ -45,7 +45,9 @@ def _of_costs(table: pd.DataFrame) -> Iterator[str]:
         f"The hybrid method costs {60.0 * hybrid:.2g} CPU-minutes, {percent(1.0 - finite_elements / hybrid)} of it "
         f"outside its finite elements, for networks and their fits: the coupled simulation takes "
         f"{one['times_hybrid']:.2g} times as long, where the paper has {one['times_hybrid_paper']:,.0f} times "
-        f"({one['specimen']})."
+        f"({one['specimen']}). Compared are the loads of one load set, one law fitted and refitted, and two runs of "
+        "finite elements with one run that has the networks in it; one engine solves the networks of both, and making "
+        "them is in neither."
     )
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from fibrous import datasets
 from fibrous.deformation import averaged_stretch
@@ -31,11 +32,11 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     """Load every network of ``inputs["networks"]`` and write ``outputs["curves"]``."""
     config = params["config"]
     networks = loaded_networks(inputs["networks"][0], config["equilibrium"], protocol_paths(config))
-    write_curves(networks, outputs["curves"], params)
+    datasets.write(curves_of(networks), outputs["curves"], "curves", params)
 
 
-def write_curves(networks: Iterable[LoadedNetwork], output: Path, params: Mapping[str, Any]) -> None:
-    """Follow the paths of the networks, each of which has as many, of the same names and lengths; write `output`."""
+def curves_of(networks: Iterable[LoadedNetwork]) -> xr.Dataset:
+    """What the networks answer along their paths, of which each has as many, of the same names and lengths."""
     rows: list[dict[str, np.ndarray]] = []
     numbers: list[int] = []
     loads: list[str] = []
@@ -57,4 +58,4 @@ def write_curves(networks: Iterable[LoadedNetwork], output: Path, params: Mappin
     arrays = {name: np.stack([row[name] for row in rows]) for name in datasets.CURVES}
     steps = np.arange(arrays["magnitude"].shape[-1])
     coords = {"network": np.array(numbers), "deformation": np.array(loads, dtype=object), "step": steps}
-    datasets.write(datasets.packed(arrays, datasets.CURVES, coords), output, "curves", params)
+    return datasets.packed(arrays, datasets.CURVES, coords)

@@ -7,7 +7,9 @@ A form is a law and what of it is fitted, `{"energy": …, "objective": …}` (s
 
 from __future__ import annotations
 
+import json
 import sys
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -27,7 +29,8 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
 
     The config holds `forms`, `tension_only`, `fit`, `load_sets` and the name of the `protocol`. One row a network, form
     and load set (deformation `all`) or load (load set `single`), sorted by network, then as in the config. States
-    without an equilibrium are left out and named on stderr.
+    without an equilibrium are left out and named on stderr. CPU seconds of the fits of each form and load set stand
+    beside the table as `cpu_seconds_of_fits`.
     Raises DatasetError where the batches do not belong together, ConfigError where a load set asks for a load that
     the protocol did not run.
     """
@@ -36,15 +39,21 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     loads = _common_loads(batches, inputs["curves"])
     groups = _groups(config["load_sets"], loads, config["protocol"])
     options = {"tension_only": config["tension_only"], **config["fit"]}
+    seconds: dict[str, float] = {}
     rows = [
         row
         for batch in batches
         for index in range(batch.sizes["network"])
-        for row in _rows(batch.isel(network=index), config["forms"], groups, options)
+        for row in _rows(batch.isel(network=index), config["forms"], groups, options, seconds)
     ]
     table = pd.DataFrame(rows).sort_values("network", kind="stable", ignore_index=True)
     _refuse_duplicates(table, inputs["curves"])
-    datasets.write_table(table, outputs["fits"], params)
+    datasets.write_table(table, outputs["fits"], {**params, "measured": {"cpu_seconds_of_fits": json.dumps(seconds)}})
+
+
+def fits_key(form: Mapping[str, Any], load_set: str) -> str:
+    """What the CPU seconds of the fits of a form to a load set are called."""
+    return f"{form['energy']} to {form['objective']}, {load_set}"
 
 
 def _common_loads(batches: list[xr.Dataset], paths: list[Path]) -> list[str]:
@@ -74,8 +83,9 @@ def _rows(
     forms: list[dict[str, Any]],
     groups: list[tuple[str, str, list[int]]],
     options: Mapping[str, Any],
+    seconds: dict[str, float],
 ) -> list[dict[str, Any]]:
-    """The table's rows of one network."""
+    """The table's rows of one network; adds to the CPU `seconds` of each form and load set."""
     number, name = int(network["network"]), str(network["name"].item())
     converged = network["converged"].values
     for load, step in np.argwhere(~converged):
@@ -85,18 +95,16 @@ def _rows(
     stress = np.where(converged[..., None, None], network["cauchy_stress"].values, np.nan)
     curves = [Curves(gradient[loads], tensor, energy[loads], stress[loads]) for _, _, loads in groups]
     alignment = {column: float(tensor[index]) for column, index in TENSOR_COLUMNS.items()}
-    return [
-        {
-            "network": number,
-            "load_set": load_set,
-            "deformation": deformation,
-            "energy": form["energy"],
-            **_columns(fit_constants(curve, form["energy"], form["objective"], **options), alignment),
-            "name": name,
-        }
-        for form in forms
-        for (load_set, deformation, _), curve in zip(groups, curves, strict=True)
-    ]
+    rows = []
+    for form in forms:
+        for (load_set, deformation, _), curve in zip(groups, curves, strict=True):
+            start = time.process_time()
+            fit = fit_constants(curve, form["energy"], form["objective"], **options)
+            key = fits_key(form, load_set)
+            seconds[key] = seconds.get(key, 0.0) + time.process_time() - start
+            about = {"network": number, "load_set": load_set, "deformation": deformation, "energy": form["energy"]}
+            rows.append({**about, **_columns(fit, alignment), "name": name})
+    return rows
 
 
 def _say_left_out(network: int, name: str, load: str, step: int) -> None:

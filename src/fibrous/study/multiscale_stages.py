@@ -53,6 +53,12 @@ def _hybrid_runs(config: Config) -> list[plan.Run]:
     return [run for run in plan.runs(config) if run.model is model]
 
 
+def _loads_used(config: Config) -> float:
+    """Fraction of the loads of the initial simulation that belong to the load set of the tissue's fits."""
+    wanted = next(entry["loads"] for entry in config["load_sets"] if entry["name"] == config["tissue"]["load_set"])
+    return len(wanted) / len(plan.loads(plan.protocol(config, config["tissue"]["protocol"])))
+
+
 def _table_2_inputs(config: Config, _: Wildcards) -> dict[str, list[str]]:
     runs = _hybrid_runs(config)
     protocol = config["tissue"]["protocol"]
@@ -108,7 +114,6 @@ def _claims_config(config: Config) -> dict[str, Any]:
         "load_set": config["tissue"]["load_set"],
         "tension_only": config["tissue"]["tension_only"],
         "protocol": plan.protocol(config, config["tissue"]["protocol"]),
-        "forms": plan.forms(config),
         **{key: config[key] for key in ("claims", "load_sets", "named", "fit")},
     }
 
@@ -150,7 +155,12 @@ MULTISCALE_STAGES: dict[str, Stage] = {
         module="fibrous.study.table_2",
         outputs={"table_2": "results/tables/table_2.csv", "parts": "results/tables/table_2_parts.csv"},
         inputs=_table_2_inputs,
-        config=lambda config, _: {"reference": plan.reference_run(config)},
+        config=lambda config, _: {
+            "reference": plan.reference_run(config),
+            "model": plan.form_of(_hybrid_runs(config)[0].model),
+            "load_set": config["tissue"]["load_set"],
+            "loads_used": _loads_used(config),
+        },
         instances=_timed,
     ),
     "claims": Stage(

@@ -41,14 +41,14 @@ class Stage:
     config: Callable[[Config, Wildcards], dict[str, Any]]
     instances: Callable[[Config], list[dict[str, str]]]
     on_demand: bool = False
-    each: Callable[[Config], list[str]] | None = None
+    each: Callable[[Config, Wildcards], list[str]] | None = None
 
     def files(self, config: Config, wildcards: Wildcards) -> dict[str, str]:
         """Paths of the files that one job writes, by name."""
         if self.each is None:
             return {name: pattern.format_map(wildcards) for name, pattern in self.outputs.items()}
         (pattern,) = self.outputs.values()
-        return {name: pattern.format(each=name) for name in self.each(config)}
+        return {name: pattern.format_map({**wildcards, "each": name}) for name in self.each(config, wildcards)}
 
 
 @dataclass(frozen=True)
@@ -187,6 +187,15 @@ def runs(config: Config) -> list[Run]:
             run = Run(f"{model['name']}_refit" + (f"_{refits}" if refits > 1 else ""), model, refits, run.name)
             found.append(run)
     return found
+
+
+def refit_sources(config: Config) -> dict[str, list[str]]:
+    """Runs to whose deformation constants are fitted between runs, by the number of the round."""
+    rounds: dict[str, list[str]] = {}
+    for run in runs(config):
+        if run.refits and not is_lagged(config, run):
+            rounds.setdefault(str(run.refits), []).append(run.source)
+    return rounds
 
 
 def reference_run(config: Config) -> str:

@@ -1,4 +1,4 @@
-"""Rule `deform_networks_as_in_tissue`: a batch of networks along the deformations that a run found (2.5)."""
+"""Rules `deform_networks_as_in_tissue_…`: a batch of networks along the deformations that runs found (2.5)."""
 
 from __future__ import annotations
 
@@ -11,30 +11,36 @@ import numpy as np
 from fibrous import datasets
 from fibrous.deformation import LoadPath
 from fibrous.errors import DatasetError
-from fibrous.study.curves import write_curves
+from fibrous.study.curves import curves_of
 from fibrous.study.fit_tables import LOAD
 from fibrous.study.loading import loaded_networks
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
-    """Drive the networks of `networks` by their elements' average F in `tissue`, and write `curves`.
+    """Drive the networks of `networks` by their elements' average F in each file of `tissue`, side by side.
 
-    The average is that over an element's Gauss points, at every load step. `specimen` tells whose network is whose.
-    Raises DatasetError where a network belongs to no element.
+    The average is that over an element's Gauss points, at every load step. `specimen` tells whose network is whose. The
+    config names the `runs` of the files, and so do the outputs, which hold curves. Raises DatasetError where a network
+    belongs to no element.
     """
+    runs = params["config"]["runs"]
     specimen = datasets.read(inputs["specimen"][0], "specimen")
-    tissue = datasets.read(inputs["tissue"][0], "tissue")
     element_of = {int(number): element for element, number in enumerate(specimen["element_network"].values)}
-    gradients = tissue["deformation_gradient"].mean("gauss_point").values
-    parts = np.linspace(0.0, 1.0, len(gradients) + 1)
+    found = [datasets.read(path, "tissue")["deformation_gradient"] for path in inputs["tissue"]]
+    gradients = np.stack([F.mean("gauss_point").values for F in found])
+    parts = np.linspace(0.0, 1.0, gradients.shape[1] + 1)
 
     def paths(number: int, _: np.ndarray) -> list[LoadPath]:
         if number not in element_of:
             raise DatasetError(
                 f"{inputs['specimen'][0]}: has no element of that number; delete the networks, run again"
             )
-        path = np.concatenate([np.eye(3)[None], gradients[:, element_of[number]]])
-        return [LoadPath(LOAD, parts, path, amplitude_limited=False)]
+        return [
+            LoadPath(run, parts, np.concatenate([np.eye(3)[None], F[:, element_of[number]]]), amplitude_limited=False)
+            for run, F in zip(runs, gradients, strict=True)
+        ]
 
-    networks = loaded_networks(inputs["networks"][0], params["config"]["equilibrium"], paths)
-    write_curves(networks, outputs["curves"], params)
+    curves = curves_of(loaded_networks(inputs["networks"][0], params["config"]["equilibrium"], paths))
+    for number, run in enumerate(runs):
+        alone = curves.isel(deformation=[number]).assign_coords(deformation=np.array([LOAD], dtype=object))
+        datasets.write(alone, outputs[run], "curves", {**params, "files_of_job": len(runs)})

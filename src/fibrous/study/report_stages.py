@@ -75,7 +75,7 @@ def report_stages(stages: Mapping[str, Stage]) -> dict[str, Stage]:
             inputs=lambda config, _: {"tables": [VIEWS[name].path for name in _tables(told, config)]},
             config=lambda config, _: {"tables": _tables(told, config), "templates": _templates()},
             instances=once,
-            each=lambda config: _tables(told, config),
+            each=lambda config, _: _tables(told, config),
         ),
         "report": Stage(
             module="fibrous.study.report",

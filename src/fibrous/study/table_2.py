@@ -11,16 +11,20 @@ import numpy as np
 import pandas as pd
 
 from fibrous import datasets
+from fibrous.study.fit_tables import SINGLE
+from fibrous.study.fits import fits_key
 
 # Table 2 as printed, CPU-hours.
 PRINTED = {"initial": 1.12, "refit": 0.34, "hybrid": 0.02, "hybrid_total": 1.48, "multiscale": 2622.69}
 TASKS = {
-    "initial": "initial simulation and fits of the elements' networks, in every form and to every load",
-    "refit": "simulation and fit of the networks along their elements' deformation",
+    "initial": "initial simulation of the elements' networks under the loads of one load set, and fit of one law",
+    "refit": "simulation of the networks along their elements' deformation, and fit of one law",
     "hybrid": "finite elements, initial and refit",
 }
+BEYOND = "fits of other laws and to single loads (beyond the method)"
 MAKING = "making the elements' networks (not in the paper's table)"
 MULTISCALE = "finite elements with networks"
+FITS = "cpu_seconds_of_fits"
 IN_THE_RUN = " (inside the finite element run)"
 REST = "the rest"
 
@@ -28,10 +32,23 @@ REST = "the rest"
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
     """Sum up what the processes that wrote the inputs counted of themselves; write `table_2` and `parts`.
 
-    The inputs are `networks`, `initial`, `refit`, `hybrid` and `multiscale`. Raises DatasetError for an unreadable one.
+    The inputs are `networks`, `initial`, `refit`, `hybrid` and `multiscale`. The config names the `reference` run, the
+    `model` whose fits count with its `load_set`, and the `loads_used`, the fraction of the initial loads that belong to
+    that set. A job that drives the networks as several runs went counts for each of them alike. Raises DatasetError for
+    an unreadable file.
     """
+    config = params["config"]
     found = {name: [datasets.provenance_of(path) for path in paths] for name, paths in inputs.items()}
-    hours = {name: sum(one["cpu_seconds"] for one in files) / 3600.0 for name, files in found.items()}
+    hours = {name: sum(_seconds(one) for one in files) / 3600.0 for name, files in found.items()}
+    wanted = {name: fits_key(config["model"], group) for name, group in _groups(config).items()}
+    curves = sum(_seconds(one) for one in found["initial"] if FITS not in one)
+    beyond = {
+        "initial": (1.0 - config["loads_used"]) * curves
+        + sum(_others(one, wanted["initial"]) for one in found["initial"]),
+        "refit": sum(_others(one, wanted["refit"]) for one in found["refit"]),
+    }
+    for name, seconds in beyond.items():
+        hours[name] -= seconds / 3600.0
     specimen, runs = found["hybrid"][0]["origin"], ", ".join(path.stem for path in inputs["hybrid"])
     hybrid = sum(hours[name] for name in TASKS)
     rows = [_row("both", "", MAKING, np.nan, hours["networks"], found["networks"])]
@@ -41,9 +58,10 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
         rows.append(_row("hybrid", runs, task, PRINTED[name] if found["refit"] else np.nan, spent, found[name]))
     every = [one for name in TASKS for one in found[name]]
     rows.append(_row("hybrid", runs, "total", PRINTED["hybrid_total"], hybrid, every))
+    rows.append(_row("beyond", runs, BEYOND, np.nan, sum(beyond.values()) / 3600.0, found["initial"] + found["refit"]))
     for path, one in zip(inputs["multiscale"], found["multiscale"], strict=True):
         # What the paper ran, all load steps, is the reference alone.
-        paper = PRINTED["multiscale"] if path.stem == params["config"]["reference"] else np.nan
+        paper = PRINTED["multiscale"] if path.stem == config["reference"] else np.nan
         spent = one["cpu_seconds"] / 3600.0
         row = _row("multiscale", path.stem, MULTISCALE, paper, spent, [one])
         rows.append({**row, "times_hybrid": spent / hybrid, "times_hybrid_paper": paper / PRINTED["hybrid_total"]})
@@ -53,6 +71,21 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     parts.insert(0, "specimen", specimen)
     datasets.write_table(table, outputs["table_2"], params)
     datasets.write_table(parts, outputs["parts"], params)
+
+
+def _seconds(one: Mapping[str, Any]) -> float:
+    """CPU seconds of a file: those of its process, divided among the files of the kind that come from it."""
+    return float(one["cpu_seconds"]) / float(one.get("files_of_job", 1))
+
+
+def _groups(config: Mapping[str, Any]) -> dict[str, str]:
+    """Load sets of the fits that count."""
+    return {"initial": config["load_set"], "refit": SINGLE}
+
+
+def _others(one: Mapping[str, Any], wanted: str) -> float:
+    """CPU seconds of the fits of a table that are not the ones `wanted`."""
+    return sum(seconds for key, seconds in json.loads(one.get(FITS, "{}")).items() if key != wanted)
 
 
 def _row(method: str, runs: str, task: str, paper: float, hours: float, files: list[dict[str, Any]]) -> dict[str, Any]:

@@ -135,16 +135,22 @@ TISSUE_STAGES: dict[str, Stage] = {
     ),
     "refit_curves": Stage(
         module="fibrous.study.refit_curves",
-        outputs={"curves": f"results/curves/tissue/{REFIT}{{run}}/{{batch}}.nc"},
-        inputs=lambda _, wildcards: {
+        outputs={"curves": f"results/curves/tissue/{REFIT}{{each}}/{{batch}}.nc"},
+        inputs=lambda config, wildcards: {
             "networks": [f"results/networks/tissue/{wildcards['batch']}.nc"],
             "specimen": [SPECIMEN],
-            "tissue": [TISSUE.format_map(wildcards)],
+            "tissue": [TISSUE.format(run=run) for run in plan.refit_sources(config)[wildcards["round"]]],
         },
-        config=lambda config, _: {"equilibrium": config["equilibrium"]},
+        config=lambda config, wildcards: {
+            "equilibrium": config["equilibrium"],
+            "runs": plan.refit_sources(config)[wildcards["round"]],
+        },
         instances=lambda config: [
-            {"run": run.source, "batch": batch} for run in _refitted(config) for batch in plan.batches(config, "tissue")
+            {"round": number, "batch": batch}
+            for number in plan.refit_sources(config)
+            for batch in plan.batches(config, "tissue")
         ],
+        each=lambda config, wildcards: plan.refit_sources(config)[wildcards["round"]],
     ),
     "refits": Stage(
         module="fibrous.study.fits",
