@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,10 @@ from fibrous.study.progress import Progress
 from fibrous.study.solutions import read_specimen, say, tissue_dataset, write_tissue
 
 COUNTS = {"network_iterations": "iterations", "network_cuts": "cuts", "indefinite_hessians": "indefinite"}
+
+
+# Time from one checkpoint to the next, over that of writing one.
+LEAST_WORK = 20.0
 
 
 @dataclass
@@ -55,8 +60,9 @@ class _Kept:
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
     """Read `specimen` and `networks`; write `tissue` and `vtu`. ``params["threads"]`` elements are worked on at a time.
 
-    After every load step a checkpoint is kept beside `tissue`; it is removed in the end. Raises ConvergenceError as the
-    rule `deform_tissue` does, DatasetError where an element has no network.
+    After a load step a checkpoint is kept beside `tissue` if keeping the last one cost little of the time since then. It
+    is removed in the end. Raises ConvergenceError as the rule `deform_tissue` does, DatasetError where an element has
+    no network.
     """
     config = params["config"]
     specimen, numbers = read_specimen(inputs["specimen"][0])
@@ -71,6 +77,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
         for part, seconds in kept.seconds.items():
             clock.seconds[part] += seconds
     spent, failure = kept.cpu_seconds, None
+    written, cost = -np.inf, 0.0
     progress.network_iterations = _sums(walk.record)[0]
     try:
         while not walk.is_over:
@@ -79,8 +86,11 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
             kept.counts[step] = _sums(walk.record) - before
             progress.network_iterations = _sums(walk.record)[0]
             kept.seconds, kept.cpu_seconds = dict(clock.seconds), spent + cpu_seconds()
-            if not walk.is_over:
+            if not walk.is_over and time.monotonic() - written >= LEAST_WORK * cost:
+                start = time.monotonic()
                 checkpoint.write(kept.arrays, kept.notes)
+                written = time.monotonic()
+                cost = written - start
     except LoadStepError as error:
         failure = error
     say(tuple(walk.record.attempts))
