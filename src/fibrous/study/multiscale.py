@@ -60,7 +60,7 @@ class _Kept:
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
     """Read `specimen` and `networks`; write `tissue` and `vtu`. ``params["threads"]`` elements are worked on at a time.
 
-    After a load step a checkpoint is kept beside `tissue` if keeping the last one cost little of the time since then. It
+    After a load step a checkpoint is kept beside `tissue` if keeping the last one cost little of the time since. It
     is removed in the end. Raises ConvergenceError as the rule `deform_tissue` does, DatasetError where an element has
     no network.
     """
