@@ -107,6 +107,7 @@ def test_broken_inputs_are_one_line_with_the_file(networks, curves, tmp_path):
 def failing(monkeypatch, tmp_path) -> list[str]:
     """Arguments of a job of a stage that a test makes up."""
     monkeypatch.setattr(job, "end_with_run", lambda: None)
+    monkeypatch.setattr(os, "environ", dict(os.environ))  # what a job sets is its own process's, not that of the tests
     return job_line(tmp_path, {"stage": "fibrous.study.failing", "inputs": {}, "outputs": {}})[3:]
 
 
