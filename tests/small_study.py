@@ -73,7 +73,7 @@ class Study:
         """Run one stage on the files of its rule; its outputs by name."""
         params = stage_params(stage, self.config, wildcards)
         inputs = STAGES[stage].inputs(self.config, wildcards)
-        outputs = {name: self.folder / path.format_map(wildcards) for name, path in STAGES[stage].outputs.items()}
+        outputs = {name: self.folder / path for name, path in STAGES[stage].files(self.config, wildcards).items()}
         files = {name: [self.folder / path for path in paths] for name, paths in inputs.items()}
         importlib.import_module(params["stage"]).run(files, outputs, params)
         return outputs

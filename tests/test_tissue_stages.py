@@ -274,13 +274,22 @@ def test_a_motion_too_large_leaves_its_converged_part_until_it_succeeds(other, l
 
 
 def test_refit_curves_lead_each_network_as_its_element_went(study):
-    gradients = study.tissue("hgo")["deformation_gradient"].values
-    mean = sum(gradients[:, :, q] for q in range(8)) / 8.0
-    paths = [study.run("refit_curves", run="hgo", batch=batch)["curves"] for batch in ("00", "01")]
-    curves = [datasets.read(path, "curves") for path in paths]
+    """All runs of a round in one job, each with a file of its own."""
+    sources = plan.refit_sources(study.config)["1"]
+    assert sources == ["hgo", "structure_tensor", "families", "stress"]
+    tissues = {run: study.tissue(run)["deformation_gradient"].values for run in sources}
+    written = [study.run("refit_curves", round="1", batch=batch) for batch in ("00", "01")]
     networks = study.networks()
+    for run in ("hgo", "stress"):
+        mean = sum(tissues[run][:, :, q] for q in range(8)) / 8.0
+        check_curves_of_elements([datasets.read(paths[run], "curves") for paths in written], mean, networks)
+    assert not np.array_equal(tissues["hgo"], tissues["stress"])
+
+
+def check_curves_of_elements(curves, mean, networks):
     assert [number for one in curves for number in one["network"].values.tolist()] == list(range(ELEMENTS))
     for one in curves:
+        assert one.attrs["files_of_job"] == 4
         assert one["deformation"].values.tolist() == ["tissue"]
         for index, number in enumerate(one["network"].values):
             found = one.isel(network=index, deformation=0)
@@ -290,7 +299,9 @@ def test_refit_curves_lead_each_network_as_its_element_went(study):
             network = networks[number]
             expected = respond(EquilibriumSolver.of(network, ExponentialFiber(2.5)), path, SCALE)
             assert expected.converged.all()
-            np.testing.assert_allclose(found["strain_energy_density"], expected.strain_energy_density, rtol=1e-9)
+            np.testing.assert_allclose(
+                found["strain_energy_density"], expected.strain_energy_density, rtol=1e-9, atol=1e-18
+            )
             np.testing.assert_allclose(found["cauchy_stress"], expected.cauchy_stress, rtol=0.0, atol=1e-10)
             H = structure_tensor(network.fiber_vectors)
             stretch = np.sqrt(np.einsum("siI,siJ,IJ->s", path, path, H))
@@ -298,12 +309,15 @@ def test_refit_curves_lead_each_network_as_its_element_went(study):
 
 
 def test_networks_of_another_specimen_are_refused(study, other):
-    small = other(SPECIMEN_FILE, NETWORK_FILES[0], "results/tissue/hgo.nc")
+    sources = plan.refit_sources(study.config)["1"]
+    for run in sources:
+        study.tissue(run)
+    small = other(SPECIMEN_FILE, NETWORK_FILES[0], *(f"results/tissue/{run}.nc" for run in sources))
     foreign = study.specimen()
     foreign["element_network"].values[:] += 3
     datasets.write(foreign, small.folder / SPECIMEN_FILE, "specimen", NO_PARAMS)
     with pytest.raises(DatasetError, match=r"network 0: .*specimen.nc: has no element of that number"):
-        small.run("refit_curves", run="hgo", batch="00")
+        small.run("refit_curves", round="1", batch="00")
 
 
 def test_a_lagged_run_fits_what_its_networks_did(study, other, capsys):
