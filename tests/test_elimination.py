@@ -175,6 +175,16 @@ def test_blocks_are_where_the_factor_of_a_dense_matrix_is_not_zero(rng):
     np.testing.assert_array_equal(columns[block], column)
 
 
+def test_columns_of_a_supernode_have_the_same_rows_below_and_no_other_neighbors_do():
+    size, pairs = interior_pairs(12.0)
+    elimination = Elimination.of(size, pairs)
+    rows = np.split(elimination.rows, elimination.starts[1:-1])
+    joined = [j > 0 and rows[j - 1][1:].tolist() == rows[j].tolist() for j in range(size)]
+    np.testing.assert_array_equal(elimination.leaders != np.arange(size), joined)
+    np.testing.assert_array_equal(elimination.leaders, np.maximum.accumulate(np.where(joined, 0, np.arange(size))))
+    assert np.bincount(elimination.leaders).max() >= 3
+
+
 def test_eliminating_by_degree_fills_little():
     size, pairs = interior_pairs(14.0)
     assert len(Elimination.of(size, pairs).rows) < 0.3 * size * (size + 1) / 2

@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 from conftest import small_network
 from reference import respond
+from scipy.spatial.transform import Rotation
 
 from fibrous.deformation import Load
 from fibrous.errors import ConfigError, NetworkError
 from fibrous.networks import engine as engine_module
-from fibrous.networks.engine import STUCK, Engine, Room, room
+from fibrous.networks import kernels
+from fibrous.networks.engine import REUSED, SHARP, STUCK, Engine, Room, room
 from fibrous.networks.fiber_law import BucklingFiber, ExponentialFiber
-from fibrous.networks.guard import EquilibriumSolver
+from fibrous.networks.guard import LARGEST_MOVE, EquilibriumSolver
 from fibrous.networks.lanes import LANES
 from fibrous.networks.network import Network
 from fibrous.networks.path import follow
@@ -116,6 +118,140 @@ def test_a_step_is_shortened_until_the_energy_falls(network, monkeypatch):
     np.testing.assert_allclose(engine.measures()[0], expected, rtol=1e-10)
 
 
+def test_the_least_share_of_negative_tension_is_left_out(network):
+    """K⁻¹ r with the softened Hessian is the guard's, which tries one share after the other; other lanes differ."""
+    engine = Engine.of(network, LAW)
+    n, assembly = engine.size, engine.guard.assembly
+    ends = [np.diag([1.0 - 0.04 * k, 1.0, 0.95]) for k in range(8)]
+    relaxation = engine_module._Relaxation(engine, lanes(ends), np.zeros((n + 1, 3, LANES)), False, 0.0)
+    engine._pull(relaxation.F, relaxation.u)
+    tried = []
+    for q, F in enumerate(ends):
+        point = assembly.evaluate(F, np.zeros((n + 1, 3)))
+        if assembly.factor(point) is not None:
+            continue
+        move, expected = np.empty((n, 3)), np.empty((len(network.node_position), 3))
+        assert relaxation._blended(q, move)
+        expected[assembly.nodes] = assembly.solve(engine.guard._blended_factor(point), point.residual).reshape(n, 3)
+        np.testing.assert_allclose(move, expected[engine.nodes], atol=1e-8 * np.abs(expected[engine.nodes]).max())
+        tried.append(q)
+    assert len(tried) >= 3
+
+
+@pytest.mark.parametrize("stretch", [1.02, 1.1, 1.3])
+def test_a_factor_is_used_again_where_the_last_step_was_sharp_and_nowhere_else(network, monkeypatch, stretch):
+    """The same in all lanes: a factor is made for the first step, and where another of its kind will not do."""
+    engine, events = Engine.of(network, LAW), []
+    pull, factorize = Engine._pull, Engine._factorize
+
+    def pulled(self, F, u):
+        norm, bound = pull(self, F, u)
+        events.append([norm[0], 1e-11 * bound[0], False])
+        return norm, bound
+
+    def factorized(self, stiffness, least_pivot):
+        events[-1][2] = True
+        return factorize(self, stiffness, least_pivot)
+
+    monkeypatch.setattr(Engine, "_pull", pulled)
+    monkeypatch.setattr(Engine, "_factorize", factorized)
+    relaxed = engine.relax(lanes([np.diag([stretch, 1.0, 0.97])] * 8), np.zeros((engine.size + 1, 3, LANES)))
+    assert relaxed.converged.all()
+    assert len(events) == relaxed.steps[0] + 1
+    before, expected = np.inf, []
+    for norm, bound, _ in events:
+        sharp = 0.0 < norm / before <= SHARP
+        enough = norm <= bound or norm * (norm / before) ** REUSED <= bound
+        expected.append(not (sharp and enough))
+        before = norm
+    assert [made for _, _, made in events] == expected
+    assert not all(expected)
+
+
+def test_predictions_miss_by_a_term_of_fourth_order(tight_engine):
+    """The cubic through two states and their rates, where F is linear in the step: half the step, 1/16 of the miss."""
+    engine, errors = tight_engine, []
+
+    def with_new_factor(state):
+        """The rates are those of the state, not of the iterate before."""
+        engine._factorize(engine._forces()[1], 0.0)
+        return state
+
+    for step in (0.04, 0.02):
+        path = Load.parse("xy_shear").deformation_gradient(0.2 + step * np.array([-1.0, 0.0, 1.0]))
+        first, second, third = (lanes([F] * 8) for F in path)
+        before = with_new_factor(engine.advance(engine.rest(), first))
+        rate = engine._along(second - first)[0]
+        here = with_new_factor(engine.advance(before, second))
+        here.rate_before[: engine.size] = rate
+        start = engine._predicted(here, third)[1]
+        errors.append(np.linalg.norm(start - engine.advance(here, third).displacement))
+    assert 10.0 < errors[0] / errors[1] < 25.0
+
+
+def two_steps(engine, path):
+    """The state at the second of two F, the same in all lanes, with its forces and factor in the room."""
+    return engine.advance(engine.advance(engine.rest(), lanes([path[0]] * 8)), lanes([path[1]] * 8))
+
+
+def test_lanes_start_from_the_prediction_that_leaves_the_smaller_residual(engine):
+    path = Load.parse("xy_shear").deformation_gradient(np.array([0.1, 0.15, 0.2]))
+    F, starts = lanes([path[2]] * 8), []
+    for change in ({}, {"curved": np.zeros(LANES, dtype=bool)}, {"rate_before": None}):
+        here = two_steps(engine, path[:2])
+        if "rate_before" in change:
+            change = {"rate_before": here.rate_before + 0.01}
+        starts.append(engine._predicted(here._replace(**change), F)[1])
+    cubic, tangent, spoiled = starts
+    np.testing.assert_array_equal(spoiled, tangent)
+    assert (engine._pull(F, cubic)[0] < 0.5 * engine._pull(F, tangent)[0]).all()
+
+
+def test_no_prediction_carries_a_node_farther_than_allowed(engine):
+    far, near = (lanes([np.diag([1.0 + by, 1.0, 1.0])] * 8) for by in (40.0, 1e-3))
+    moves = [engine._predicted(engine.rest(), F)[1] for F in (far, near)]
+    assert np.abs(moves[0]).max() == pytest.approx(LARGEST_MOVE)
+    largest = np.abs(moves[1]).max()
+    np.testing.assert_allclose(moves[0] / LARGEST_MOVE, moves[1] / largest, atol=1e-9)
+
+
+def test_what_is_stuck_on_the_quick_way_starts_again_from_the_tangent(network, monkeypatch):
+    """From a hopeless prediction near an equilibrium: what is tried next misses by a part of the way."""
+    engine = Engine.of(network, LAW)
+    here = two_steps(engine, Load.parse("x_uniaxial").deformation_gradient(np.array([1.1, 1.2])))
+    F = here.gradient + 1e-3 * np.diag([1.0, -0.5, 0.3])[..., None]
+    exact = engine.advance(here, F).displacement
+    starts, relax = [], Engine.relax
+
+    def relaxed(self, at, u, *options):
+        if at is F:
+            starts.append(u.copy())
+        return relax(self, at, u, *options)
+
+    monkeypatch.setattr(Engine, "relax", relaxed)
+    u = here.displacement.copy()
+    u[0] += 0.2
+    found = engine.reach(F, u, here.gradient, here.displacement, quick=True)
+    assert found.converged.all()
+    assert not found.direct.any()
+    hopeless, again = starts
+    way = np.abs(exact - here.displacement).max()
+    assert np.abs(hopeless - exact).max() > 10.0 * way
+    assert np.abs(again - exact).max() < 0.02 * way
+    np.testing.assert_allclose(u, exact, atol=1e-9)
+
+
+def test_the_guard_cuts_a_way_that_is_too_long_and_ends_where_others_do(network):
+    hasty, generous = Engine.of(network, LAW, largest_number_of_iterations=3), Engine.of(network, LAW)
+    path = Load.parse("x_uniaxial").deformation_gradient(np.array([1.3, 1.6]))
+    cut, whole = two_steps(hasty, path), two_steps(generous, path)
+    assert cut.converged.all()
+    assert (cut.cuts > 0).all()
+    assert not cut.curved.any()
+    assert (cut.iterations > whole.iterations).all()
+    np.testing.assert_allclose(cut.displacement, whole.displacement, atol=1e-8)
+
+
 def test_an_unstable_balance_is_left_to_the_guard_which_leaves_it():
     engine = Engine.of(column(), LAW)
     F = lanes([np.diag([0.4, 1.0, 1.0])])
@@ -132,6 +268,17 @@ def test_an_unstable_balance_is_left_to_the_guard_which_leaves_it():
 def test_a_mechanism_is_refused():
     with pytest.raises(NetworkError, match="mechanism at rest"):
         follow(Engine.of(column(stays=0), LAW), np.eye(3)[None, None], 1.0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_mechanism_is_refused_where_rounding_makes_it_stiff(seed):
+    """Turned, the column's other pivots are rounding, of either sign."""
+    chain = column(stays=0)
+    turned = Network(
+        chain.node_position @ Rotation.random(rng=seed).as_matrix(), chain.node_is_boundary, chain.fiber_nodes
+    )
+    with pytest.raises(NetworkError, match="mechanism at rest"):
+        Engine.of(turned, LAW).rest()
 
 
 def test_a_state_goes_on_with_the_same_bits_whatever_was_done_in_between(network):
@@ -155,6 +302,82 @@ def test_a_lane_that_is_lost_stays_at_its_last_equilibrium(network):
     later = hasty.advance(state, lanes([small, np.eye(3)]))
     assert not later.converged[1]
     assert later.iterations[1] == 0
+
+
+# Compiled loops that no equilibrium shows to be wrong, as it is reached in the end.
+
+
+def test_the_energy_of_a_lane_is_that_of_all_lanes(network, rng):
+    count = len(network.fiber_nodes)
+    law = ExponentialFiber(
+        rng.uniform(1.0, 4.0, count), section=rng.uniform(0.5, 2.0, count), rest_length=rng.uniform(0.9, 1.1, count)
+    )
+    engine = Engine.of(network, law)
+    u = np.zeros((engine.size + 1, 3, LANES))
+    u[: engine.size] = 0.01 * rng.normal(size=(engine.size, 3, LANES))
+    F = lanes(np.eye(3) + 0.1 * rng.normal(size=(8, 3, 3)))
+    engine._pull(F, u)
+    energies = [kernels.stored_energy(engine.topology, engine.fibers, F, u, q) for q in range(LANES)]
+    np.testing.assert_allclose(energies, engine.measures()[0], rtol=1e-12)
+
+
+def test_a_step_goes_against_the_residual_no_farther_than_allowed_in_lanes_that_are_ready(rng):
+    residual, u, start, move = (rng.normal(size=(5, 3, LANES)) for _ in range(4))
+    right, slope = 0.02 * rng.normal(size=(5, 3, 1, LANES)), rng.normal(size=(1, LANES))
+    right[..., 4:] *= 1000.0
+    ready = np.array([[1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0]])
+    before = [array.copy() for array in (u, start, move, slope)]
+    kernels.begin_step(residual, right, ready, 0.3, u, start, move, slope)
+    whole = -right[:, :, 0]
+    expected = np.where(np.arange(LANES) < 4, whole, 0.3 * whole / np.abs(whole).max(axis=(0, 1)))
+    slopes = (expected * residual).sum(axis=(0, 1))[None]
+    for found, kept, wanted in zip(
+        (u, start, move, slope), before, (before[0] + expected, before[0], expected, slopes), strict=True
+    ):
+        np.testing.assert_allclose(found[..., ::2], wanted[..., ::2], rtol=1e-12, atol=1e-14)
+        np.testing.assert_array_equal(found[..., 1::2], kept[..., 1::2])
+
+
+def test_products_of_fields_are_those_of_the_first_nodes(rng):
+    one, other = rng.normal(size=(2, 5, 3, LANES))
+    total = np.empty((1, LANES))
+    kernels.dot(4, one, other, total)
+    np.testing.assert_allclose(total[0], (one[:4] * other[:4]).sum(axis=(0, 1)), rtol=1e-12)
+
+
+def test_a_cubic_path_is_predicted_exactly(rng):
+    """u of third order in the way of F: two states with their rates give the third, along the way and not beyond."""
+    n = 4
+    coefficients, slopes = rng.normal(size=(2, 3, n, 3, LANES)), rng.normal(size=(n, 3, 9, LANES))
+    start, step = rng.normal(size=(2, 3, 3, LANES))
+    # A rate that does not enter along the way is another one at each state.
+    square = (step * step).sum(axis=(0, 1))
+
+    def state(t):
+        F, u, G = start + t * step, np.zeros((n + 1, 3, LANES)), np.zeros((n + 1, 3, 9, LANES), dtype=np.float32)
+        constant, *higher = coefficients[0]
+        u[:n] = constant + t * coefficients[1, 0] + t**2 * higher[0] + t**3 * higher[1]
+        along = coefficients[1, 0] + 2.0 * t * higher[0] + 3.0 * t**2 * higher[1]
+        across = slopes * (1.0 + t)
+        across -= (
+            np.einsum("aipq,pq->aiq", across, step.reshape(9, LANES))[:, :, None] * step.reshape(9, LANES) / square
+        )
+        G[:n] = across + along[:, :, None] * step.reshape(9, LANES) / square
+        return np.ascontiguousarray(F), u, G
+
+    before, here = state(0.0), state(0.5)
+    bend = np.zeros((2, n + 1, 3, LANES), dtype=np.float32)
+    kernels.find_bend(n, *here, *before, bend)
+    increment = here[0] - before[0]
+    for t, bent in ((0.0, True), (0.25, True), (1.3, True), (3.0, False), (-2.0, False)):
+        F, expected, _ = state(t)
+        u = np.empty((n + 1, 3, LANES))
+        kernels.predict(n, F, *here, u)
+        straight = here[1].copy()
+        rate = np.einsum("aipq,pq->aiq", here[2].astype(float), (F - here[0]).reshape(9, LANES))
+        np.testing.assert_allclose(u, straight + rate, atol=1e-12)
+        kernels.add_bend(n, F, here[0], increment, bend, u)
+        np.testing.assert_allclose(u, expected if bent else straight + rate, atol=2e-5)
 
 
 def test_rooms_grow_and_are_not_shared_between_names():

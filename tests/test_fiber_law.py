@@ -1,4 +1,4 @@
-"""The fibre law of Eq. 6 against arbitrary-precision integration and differences."""
+"""The fibre law of Eq. 6 against arbitrary-precision integration and differences, and a fibre that buckles."""
 
 import mpmath
 import numpy as np
@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fibrous.errors import ConfigError
-from fibrous.networks.fiber_law import ExponentialFiber
+from fibrous.networks.fiber_law import FIRST, SECTION, BucklingFiber, ExponentialFiber
 
 STRETCHES = [
     0.05,
@@ -90,6 +90,23 @@ def test_beyond_the_cut_off_force_is_linear_and_energy_its_integral():
     np.testing.assert_allclose(stiffness, free.response(1.4)[1])
     trapezoids = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(stretches))])
     np.testing.assert_allclose(law.energy(stretches) - free.energy(1.4), trapezoids, rtol=1e-12)
+
+
+@given(st.floats(0.0, 5.0), st.floats(0.01, 3.0))
+def test_a_fiber_that_buckles_is_two_springs(stretch, compressive):
+    law, stiff = BucklingFiber(compressive), compressive if stretch < 1.0 else 1.0
+    force, stiffness = law.response(stretch)
+    assert force == pytest.approx(stiff * (stretch - 1.0), rel=1e-14)
+    assert stiffness == stiff
+    assert law.energy(stretch) == pytest.approx(0.5 * stiff * (stretch - 1.0) ** 2, rel=1e-14)
+
+
+def test_fibers_have_sections_and_rest_lengths_of_their_own():
+    lengths, rest, section = np.array([0.1, 0.2, 0.4]), np.array([0.9, 1.0, 1.1]), np.array([1.0, 2.0, 3.0])
+    fibers = BucklingFiber(0.5, section=section, rest_length=rest).fibers(lengths)
+    np.testing.assert_allclose(fibers.rest_lengths, [0.09, 0.2, 0.44], rtol=1e-15)
+    np.testing.assert_array_equal(fibers.constants[:, SECTION], section)
+    np.testing.assert_array_equal(fibers.constants[:, FIRST], 0.5)
 
 
 @pytest.mark.parametrize("constants", [(0.0,), (-1.0,), (np.nan,), (2.5, 1.0), (2.5, np.nan)])

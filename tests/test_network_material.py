@@ -128,6 +128,35 @@ def test_an_error_of_rates_from_nearby_enters_the_tangent_squared():
     assert ((ratios > 3.5) & (ratios < 4.5)).all(), ratios
 
 
+def test_trials_keep_the_rates_of_nearby_unless_their_way_is_the_guards(states):
+    """Long ways, of which some are not gone quickly: there the rates are those of the state that is reached."""
+    law, before = material(), states[2][2]
+    near = law(PATH[4], before)[2]
+    close = law(PATH[4] + 1e-4, before, near)[2]
+    assert same_bits([close.rate], [near.rate])
+    kept = near.rate.copy()
+    _, A, far = law(PATH[8], before, near)
+    np.testing.assert_array_equal(near.rate, kept)
+    same = (far.rate == near.rate).all(axis=(1, 2, 3))
+    assert 0 < same.sum() < same.size
+    rates = np.zeros_like(far.rate)
+    for e, engine in enumerate(law.engines):
+        engine.relax(far.gradient[e], far.displacement[e].copy())
+        engine.rates(rates[e], exact=True)
+        tangent = SCALE * np.moveaxis(engine.condense(rates[e])[1], -1, 0).reshape(8, 3, 3, 3, 3)
+        np.testing.assert_allclose(A[e][~same[e]], tangent[~same[e]], atol=1e-6 * np.abs(tangent).max())
+    changed = ~same[:, None, None, None] & np.ones(rates.shape, dtype=bool)
+    np.testing.assert_allclose(far.rate[changed], rates[changed], atol=1e-4)
+
+
+def test_counts_go_on_from_the_state_before(states):
+    counts = np.array(
+        [[getattr(state, name) for name in ("iterations", "cuts", "indefinite")] for _, _, state in states]
+    )
+    assert (np.diff(counts, axis=0) >= 0).all()
+    assert (np.diff(counts[:, 0], axis=0) > 0).all()
+
+
 def test_energy_is_the_work_of_the_stress():
     law, direction, step = material(), np.random.default_rng(4).normal(size=(3, 3)), 1e-5
     P = law(PATH[2])[0]

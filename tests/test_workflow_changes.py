@@ -265,7 +265,7 @@ def test_lagged_constants_need_no_curves_of_refits(quick):
     ("source", "first", "spared"),
     [
         ("networks/generation.py", {"networks"}, {"specimen", "figure_7"}),
-        ("networks/guard.py", {"curves", "states"}, {"networks", "specimen", "figure_7"}),
+        ("networks/engine.py", {"curves", "states"}, {"networks", "specimen", "figure_7"}),
         ("fitting/hgo.py", {"fits"}, {"networks", "curves", "states", "specimen", "figure_7"}),
         ("fitting/surface.py", {"surface"}, {"networks", "curves", "states", "fits", "figure_3", "figure_7"}),
         ("fe/assembly.py", {"tissue"}, {"networks", "curves", "fits", "specimen", "surface", "case_study"}),
