@@ -73,9 +73,10 @@ def starting_exponents(curves: Curves) -> Array:
 
     Of the states after λ_f is least that stretch the mean fibre; NaN where there are fewer than three of them.
     """
-    found = np.full(curves.averaged_stretch.shape[:2], np.nan)
+    stretch = curves.averaged_stretch
+    found = np.full(stretch.shape[:2], np.nan)
     for i, j in np.ndindex(*found.shape):
-        excess, energy = curves.averaged_stretch[i, j] - 1.0, curves.strain_energy_density[i, j]
+        excess, energy = stretch[i, j] - 1.0, curves.strain_energy_density[i, j]
         rising = (np.arange(len(excess)) > np.argmin(excess)) & (excess > 0.0) & (energy > 0.0)
         if rising.sum() > 2:
             found[i, j] = np.polyfit(np.log(excess[rising]), np.log(energy[rising]), 1)[0]
