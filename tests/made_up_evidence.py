@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping
 
 import numpy as np
 import yaml
 
-from fibrous.audit.evidence import Constants, Curves, Fits
+from fibrous.audit.evidence import Constants, Fits
 from fibrous.audit.finding import Finding, Thresholds, Verdict
+from fibrous.curves import Curves
 from fibrous.deformation import Load, averaged_stretch, load_path, matching_magnitude
 from fibrous.fitting.hgo import strain_energy
 from fibrous.study.claims import statement_of
@@ -49,24 +49,20 @@ def curves(
     of_load = np.array([(factors or {}).get(load, 1.0) for load in LOADS])
     turned = np.array([(orientation or {}).get(load, 0.7) for load in LOADS])
     return Curves(
+        numbers=np.arange(2),
         names=np.array(["case"] * 2),
         loads=LOADS,
         structure_tensor=tensors,
         deformation_gradient=gradient,
         magnitude=magnitude,
-        averaged_stretch=mean,
         strain_energy_density=strain_energy(0.2, 0.5, mean) * of_load[:, None],
-        cauchy_stress=np.zeros((*magnitude.shape, 3, 3)),
-        orientation=np.broadcast_to(turned[:, None], magnitude.shape),
+        cauchy_stress=np.zeros(gradient.shape),
+        first_piola_kirchhoff_stress=np.zeros(gradient.shape),
+        largest_orientation_eigenvalue=np.broadcast_to(turned[:, None], magnitude.shape),
         newton_iterations=np.full(magnitude.shape, iterations),
-        cut=np.zeros(magnitude.shape[:2], dtype=bool),
+        cuts=np.zeros(magnitude.shape, dtype=int),
+        amplitude_limited=np.zeros(magnitude.shape[:2], dtype=bool),
     )
-
-
-def joined(made: Sequence[Curves]) -> Curves:
-    """All networks, one after the other."""
-    arrays = {name: np.concatenate([getattr(one, name) for one in made]) for name in vars(made[0]) if name != "loads"}
-    return replace(made[0], **arrays)
 
 
 def constants(C2: np.ndarray, C3: np.ndarray, r_squared: float | np.ndarray = 0.9, names: str = "") -> Constants:

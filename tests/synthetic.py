@@ -10,7 +10,9 @@ import pandas as pd
 import xarray as xr
 from scipy.spatial import Delaunay
 
-from fibrous.datasets import ATTRIBUTES, CURVES, NETWORKS, STATES, SURFACE, packed, read, write, write_table
+from fibrous import curve_datasets
+from fibrous.curves import Curves
+from fibrous.datasets import ATTRIBUTES, NETWORKS, STATES, SURFACE, packed, read, write, write_table
 from fibrous.deformation import Load, averaged_stretch, load_path, matching_magnitude
 from fibrous.fitting.hgo import strain_energy
 from fibrous.fitting.surface import LABELS, evaluate
@@ -109,23 +111,22 @@ def write_curves(path: Path, protocol: str, steps: int) -> None:
     converged = np.ones(stretch.shape, dtype=bool)
     converged[0, LOADS.index(LOST_LOAD), -1] = False
     energy[~converged], eigenvalue[~converged] = np.nan, np.nan
-    arrays = {
-        "deformation_gradient": gradient,
-        "magnitude": np.array([p[0] for p in paths]),
-        "averaged_stretch": stretch,
-        "strain_energy_density": energy,
-        "cauchy_stress": np.zeros(gradient.shape),
-        "first_piola_kirchhoff_stress": np.zeros(gradient.shape),
-        "largest_orientation_eigenvalue": eigenvalue,
-        "newton_iterations": np.full(stretch.shape, 3),
-        "cuts": np.zeros(stretch.shape, dtype=int),
-        "converged": converged,
-        "amplitude_limited": np.array([p[2] for p in paths]),
-        "structure_tensor": tensors,
-        "name": np.array(list(NAMED)),
-    }
-    coords = {"network": np.arange(len(NAMED)), "deformation": list(LOADS), "step": np.arange(steps + 1)}
-    write(packed(arrays, CURVES, coords), path, "curves", params(0))
+    answers = Curves(
+        numbers=np.arange(len(NAMED)),
+        names=np.array(list(NAMED)),
+        loads=LOADS,
+        structure_tensor=tensors,
+        deformation_gradient=gradient,
+        magnitude=np.array([p[0] for p in paths]),
+        strain_energy_density=energy,
+        cauchy_stress=np.zeros(gradient.shape),
+        first_piola_kirchhoff_stress=np.zeros(gradient.shape),
+        largest_orientation_eigenvalue=eigenvalue,
+        newton_iterations=np.full(stretch.shape, 3),
+        cuts=np.zeros(stretch.shape, dtype=int),
+        amplitude_limited=np.array([p[2] for p in paths]),
+    )
+    curve_datasets.write_curves(answers, path, params(0))
 
 
 def write_states(path: Path, networks: xr.Dataset, protocol: str, steps: int) -> None:

@@ -18,16 +18,15 @@ from made_up_evidence import (
     assert_plain,
     constants,
     curves,
-    joined,
     verdict_of,
 )
 
 from fibrous.audit import curves as of_curves
 from fibrous.audit import example, families, scatter
-from fibrous.audit.evidence import Curves
 from fibrous.audit.finding import number, rank_correlation
 from fibrous.audit.refits import constants_up_to
 from fibrous.audit.statements import CHECKS
+from fibrous.curves import Curves
 from fibrous.networks.three_fibers import affine, equilibrium
 
 
@@ -139,7 +138,7 @@ def test_energies_are_compared_at_one_averaged_stretch():
     """Loads of one law that end at different λ_f are alike, whichever ends first and wherever they are compared."""
     whole = curves()
     cut = replace(whole, **{name: value.copy() for name, value in vars(whole).items() if isinstance(value, np.ndarray)})
-    for name in ("averaged_stretch", "strain_energy_density"):
+    for name in ("deformation_gradient", "strain_energy_density"):
         getattr(cut, name)[:, 2] = getattr(curves(stretch=1.5), name)[:, 2]
     assert cut.dissimilarity() == pytest.approx(1.0, rel=0.02)
     assert cut.dissimilarity(1.2) == pytest.approx(1.0, rel=0.02)
@@ -150,7 +149,7 @@ def test_energies_are_compared_at_one_averaged_stretch():
 
 def ensemble(*factors: tuple[float, float], H11=(0.4, 0.8)):
     """Networks of rising H11; W of the last two shears grows from the least to the most aligned by these factors."""
-    return joined(
+    return Curves.joined(
         [
             curves(
                 dict(zip(LOADS[-2:], growth.tolist(), strict=True)),
@@ -173,8 +172,8 @@ def test_dissimilarity_over_alignment():
 def test_networks_aligned_across_the_loads_and_cut_loads_are_counted():
     """Those of H11 ≤ 3/8 have H22 = 0.6 (1 − H11) ≥ H11, and would turn the trend."""
     aligned, across = ensemble((1.0, 1.0), (9.0, 9.0)), ensemble((99.0, 99.0), (99.0, 99.0), H11=(0.34, 0.37))
-    both = joined([aligned, across])
-    both.cut[:6, LOADS.index("yz_shear")] = True
+    both = Curves.joined([aligned, across])
+    both.amplitude_limited[:6, LOADS.index("yz_shear")] = True
     found = scatter.dissimilarity(both, SETS, THRESHOLDS)
     assert verdict_of(found) is REPRODUCED
     assert "Over the 20 of 40 networks" in found.why
@@ -235,12 +234,13 @@ def test_stiffer_across(biaxial, uniaxial, verdict):
 def shortened(made: Curves) -> Curves:
     """The same with a load of another kind behind the others, under which the mean fibre gets shorter."""
     arrays = {name: np.concatenate([value, value[:, :1]], axis=1) for name, value in loaded_arrays(made).items()}
-    arrays["averaged_stretch"][:, -1] = np.linspace(1.0, 0.9, made.averaged_stretch.shape[2])
+    arrays["deformation_gradient"][:, -1] = np.linspace(1.0, 0.9, made.magnitude.shape[2])[:, None, None] * np.eye(3)
     return replace(made, loads=(*made.loads, "squeeze"), **arrays)
 
 
 def loaded_arrays(made: Curves) -> dict[str, np.ndarray]:
-    return {name: value for name, value in vars(made).items() if name not in ("names", "loads", "structure_tensor")}
+    fixed = ("numbers", "names", "loads", "structure_tensor")
+    return {name: value for name, value in vars(made).items() if name not in fixed}
 
 
 def test_a_load_that_shortens_the_mean_fibre_is_compared_with_no_other():

@@ -191,7 +191,7 @@ def test_which_pair_of_shears_the_paper_used(with_xz, with_yz, used):
     """The printed C3 of network 5 is 2.51; curves approach each other with xz-shear alone."""
     both = {"with_xz": constants(np.ones(20), with_xz), "with_yz": constants(np.ones(20), with_yz)}
     pair = curves({"xy_shear": 3.0}, 1.1), curves({"xy_shear": 1.5, "yz_shear": 9.0})
-    cut = replace(EVERY, cut=np.tile([load == "yz_shear" for load in LOADS], (20, 1)))
+    cut = replace(EVERY, amplitude_limited=np.tile([load == "yz_shear" for load in LOADS], (20, 1)))
     found = of_constants.shear_pair(both, both, (*pair, cut), SETS, THRESHOLDS)
     assert verdict_of(found) is (REPRODUCED if with_xz is with_yz else CONTRADICTED)
     assert "as in Fig. 5 come out with with_xz alone" in found.why

@@ -1,10 +1,14 @@
 """The case study of section 2.6 from hand-made files: stresses by formulas written out here, errors by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from fibrous import datasets
+from fibrous.curve_datasets import write_curves
+from fibrous.curves import Curves
 from fibrous.documentation import TABLES
 from fibrous.errors import DatasetError, FibrousError
 from fibrous.study import case_study
@@ -61,29 +65,17 @@ def write_networks(path):
     datasets.write(dataset, path, "networks", params())
 
 
-def write_curves(path):
+def write_both_networks(path):
     stress = np.stack([np.zeros_like(NETWORK_STRESS), NETWORK_STRESS])[:, None]
     converged = np.ones((2, 1, STEPS + 1), dtype=bool)
     converged[1, 0, LOST] = False
     energy = np.where(converged, 0.01, np.nan)
     gradients = np.stack([PATH, PATH])[:, None]
-    arrays = {
-        "deformation_gradient": gradients,
-        "magnitude": np.broadcast_to(np.linspace(0.0, 1.0, STEPS + 1), converged.shape),
-        "averaged_stretch": np.sqrt(np.einsum("...iJ,...iK,JK->...", gradients, gradients, H)),
-        "strain_energy_density": energy,
-        "cauchy_stress": np.where(converged[..., None, None], stress, np.nan),
-        "first_piola_kirchhoff_stress": stress,
-        "largest_orientation_eigenvalue": energy,
-        "newton_iterations": np.ones(converged.shape, dtype=int),
-        "cuts": np.zeros(converged.shape, dtype=int),
-        "converged": converged,
-        "amplitude_limited": np.zeros((2, 1), dtype=bool),
-        "structure_tensor": np.array([H, H]),
-        "name": np.array(["other", "case"], dtype=object),
-    }
-    coords = {"network": np.arange(2), "deformation": ["eq9"], "step": np.arange(STEPS + 1)}
-    datasets.write(datasets.packed(arrays, datasets.CURVES, coords), path, "curves", params())
+    curves = Curves.joined([Curves.of_network(gradients[i], H, energy[i], stress[i]) for i in range(2)])
+    magnitude = np.broadcast_to(np.linspace(0.0, 1.0, STEPS + 1), converged.shape)
+    names = np.array(["other", "case"])
+    about = {"numbers": np.arange(2), "names": names, "loads": ("eq9",), "magnitude": magnitude}
+    write_curves(replace(curves, **about), path, params())
 
 
 def fits(refit):
@@ -120,7 +112,7 @@ def inputs(tmp_path_factory):
     paths = {name: [folder / f"{name}.nc"] for name in ("networks", "curves")}
     paths["fits"] = [folder / "initial.csv", folder / "refit.csv"]
     write_networks(paths["networks"][0])
-    write_curves(paths["curves"][0])
+    write_both_networks(paths["curves"][0])
     for refit, path in enumerate(paths["fits"]):
         datasets.write_table(fits(refit), path, params())
     return paths

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from scipy.optimize import brute, curve_fit, least_squares
 from scipy.stats import t as student
 
+from fibrous.curves import Curves
 from fibrous.fitting.hgo import (
     LARGEST_EXPONENT,
-    Curves,
     energy_slope,
     fit_constants,
     strain_energy,
@@ -26,7 +26,7 @@ def fitted(stretch, energy, **changes):
     stretch, energy = np.atleast_2d(stretch).astype(float), np.atleast_2d(energy).astype(float)
     F = np.tile(np.eye(3), (*stretch.shape, 1, 1))
     F[..., 0, 0] = stretch
-    curves = Curves(F, np.diag([1.0, 0.0, 0.0]), energy, np.full(F.shape, np.nan))
+    curves = Curves.of_network(F, np.diag([1.0, 0.0, 0.0]), energy, np.full(F.shape, np.nan))
     return fit_constants(curves, "structure_tensor", "energy", tension_only=True, **{**CONFIG, **changes})
 
 

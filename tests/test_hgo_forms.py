@@ -11,9 +11,10 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from scipy.stats import t as student
 
+from fibrous.curves import Curves
 from fibrous.deformation import Load, averaged_stretch, load_path
 from fibrous.errors import FitError
-from fibrous.fitting.hgo import Curves, fit_constants
+from fibrous.fitting.hgo import fit_constants
 from fibrous.materials.contract import MaterialError
 from fibrous.materials.hgo import HGOFamilies, HGOStructureTensor
 
@@ -52,7 +53,7 @@ def answer(law, F, H, deviation=0.0, seed=0):
     energy, stress = law.energy(F), cauchy(law, F)
     tensors = noise[..., 1:].reshape(F.shape)
     stress = stress + deviation * np.abs(stress).max() * 0.5 * (tensors + np.swapaxes(tensors, -1, -2))
-    return Curves(F, H, energy + deviation * energy.max() * noise[..., 0], stress)
+    return Curves.of_network(F, H, energy + deviation * energy.max() * noise[..., 0], stress)
 
 
 def fitted(curves, law, objective, tension_only=True, largest_C3=LARGEST_C3):
@@ -66,7 +67,7 @@ def constants(fit):
 
 def points(curves, law, tension_only=True):
     """States that the fit takes, shape (deformations, steps + 1)."""
-    F, H = curves.deformation_gradient, curves.structure_tensor
+    F, H = curves.deformation_gradient[0], curves.structure_tensor[0]
     if law == "structure_tensor":
         used = averaged_stretch(F, H) > 1.0
     else:
@@ -80,10 +81,10 @@ def points(curves, law, tension_only=True):
 def residuals(curves, law, objective, C2, C3, tension_only=True):
     """Model less data at the points, shape (points, components): W, or the nine components of the stress."""
     used = points(curves, law, tension_only)
-    F, model = curves.deformation_gradient[used], material(law, curves.structure_tensor, C2, C3, tension_only)
+    F, model = curves.deformation_gradient[0, used], material(law, curves.structure_tensor[0], C2, C3, tension_only)
     if objective == "energy":
-        return (model.energy(F) - curves.strain_energy_density[used])[:, None]
-    return (cauchy(model, F) - curves.cauchy_stress[used]).reshape(-1, 9)
+        return (model.energy(F) - curves.strain_energy_density[0, used])[:, None]
+    return (cauchy(model, F) - curves.cauchy_stress[0, used]).reshape(-1, 9)
 
 
 def best(curves, law, objective, tension_only=True):
@@ -174,8 +175,9 @@ def test_turning_curves_and_structure_tensor_changes_nothing(law, objective, ten
     curves = answer(material(law, H, 0.3, 2.0), gradients(MODERATE), H, deviation=0.05)
     one = fitted(curves, law, objective, tension_only)
     Q, R = Rotation.random(2, random_state=8).as_matrix()
-    F, stress = Q @ curves.deformation_gradient @ R.T, Q @ curves.cauchy_stress @ Q.T
-    other = fitted(Curves(F, R @ H @ R.T, curves.strain_energy_density, stress), law, objective, tension_only)
+    F, stress = Q @ curves.deformation_gradient[0] @ R.T, Q @ curves.cauchy_stress[0] @ Q.T
+    turned = Curves.of_network(F, R @ H @ R.T, curves.strain_energy_density[0], stress)
+    other = fitted(turned, law, objective, tension_only)
     for name in ("C2", "C3", "C2_half_width", "C3_half_width", "largest_stretch"):
         assert getattr(other, name) == pytest.approx(getattr(one, name), rel=1e-8), name
     assert (other.rule, other.points_used, other.identifiable) == (one.rule, one.points_used, one.identifiable)
@@ -215,7 +217,7 @@ def test_nothing_overflows_at_large_stretch(law, objective, tension_only, data):
         small = gradients({name: 1.0 + 0.1 * (end - 1.0) for name, end in LARGE.items() if "shear" not in name})
         W, stress, F = (lambda one: (one.energy(small), cauchy(one, small), small))(material(law, H, 1.0, 60.0))
     with np.errstate(over="raise", invalid="raise", divide="raise"):
-        fit = fitted(Curves(F, H, W, stress), law, objective, tension_only)
+        fit = fitted(Curves.of_network(F, H, W, stress), law, objective, tension_only)
     assert np.isfinite([fit.C2, fit.C3, fit.r_squared]).all()
     assert fit.C2 >= 0.0
     assert 0.0 <= fit.C3 <= LARGEST_C3
@@ -233,12 +235,12 @@ def test_states_without_equilibrium_are_counted_and_change_nothing_else(law, obj
     H = tensor(6)
     curves = answer(material(law, H, 0.3, 2.0), gradients(MODERATE), H, deviation=0.05)
     lost = deepcopy(curves)
-    lost.strain_energy_density[1, 7:] = lost.cauchy_stress[1, 7:] = np.nan
+    lost.strain_energy_density[0, 1, 7:] = lost.cauchy_stress[0, 1, 7:] = np.nan
     fit = fitted(lost, law, objective)
-    taken = points(curves, law) & np.isfinite(lost.strain_energy_density)
+    taken = points(curves, law) & np.isfinite(lost.strain_energy_density[0])
     assert (fit.points_used, fit.points_dropped) == (taken.sum(), 100 - taken.sum())
     moved = deepcopy(lost)
-    moved.deformation_gradient[1, 7:] = 3.0 * np.eye(3)
+    moved.deformation_gradient[0, 1, 7:] = 3.0 * np.eye(3)
     assert fitted(moved, law, objective) == fit
 
 
@@ -247,7 +249,7 @@ def test_no_fibre_stretched_means_no_fibres_and_none_known_means_no_answer(objec
     H = np.diag([0.6, 0.3, 0.1])
     shrinking = 1.0 - 0.1 * np.linspace(0.0, 1.0, 11)[:, None, None] * np.eye(3)
     shrinking = np.where(np.eye(3) > 0.0, shrinking, 0.0)[None]
-    curves = Curves(shrinking, H, np.ones((1, 11)), np.ones((1, 11, 3, 3)))
+    curves = Curves.of_network(shrinking, H, np.ones((1, 11)), np.ones((1, 11, 3, 3)))
     for law in ("structure_tensor", "families"):
         fit = fitted(curves, law, objective)
         assert (fit.C2, fit.C3, fit.rule, fit.objective) == (0.0, 0.0, "zero", objective)
@@ -256,7 +258,7 @@ def test_no_fibre_stretched_means_no_fibres_and_none_known_means_no_answer(objec
     assert fitted(curves, "families", objective, tension_only=False).points_used == 10
 
     F = gradients(SECTION_2_6)
-    unknown = Curves(F, H, np.full(F.shape[:2], np.nan), np.full(F.shape, np.nan))
+    unknown = Curves.of_network(F, H, np.full(F.shape[:2], np.nan), np.full(F.shape, np.nan))
     for law in ("structure_tensor", "families"):
         fit = fitted(unknown, law, objective)
         assert (fit.rule, fit.points_used, fit.points_dropped) == ("none", 0, 100)
@@ -297,9 +299,7 @@ def test_one_state_tells_the_constants_apart_by_its_stress_alone_and_only_with_t
     F[1, 1] = np.diag([1.3, 1.1, 0.8])
     H = np.diag([0.6, 0.3, 0.1])
     curves = answer(material("families", H, 0.4, 1.5), F, H)
-    uniaxial, biaxial = (
-        Curves(F[[k]], H, curves.strain_energy_density[[k]], curves.cauchy_stress[[k]]) for k in range(2)
-    )
+    uniaxial, biaxial = (curves.under([load]) for load in curves.loads)
     assert constants(fitted(biaxial, "families", "stress")) == pytest.approx((0.4, 1.5), rel=1e-9)
     for one, objective in ((biaxial, "energy"), (uniaxial, "energy"), (uniaxial, "stress")):
         fit = fitted(one, "families", objective)
@@ -319,17 +319,17 @@ def test_what_is_no_curve_law_or_structure_tensor_is_refused():
     F, H = gradients(SECTION_2_6), tensor()
     curves = answer(material("families", H, 1.0, 1.0), F, H)
     with pytest.raises(FitError, match="shape"):
-        replace(curves, strain_energy_density=np.ones((5, 20)))
+        replace(curves, strain_energy_density=np.ones((1, 5, 20)))
     with pytest.raises(FitError, match="shape"):
-        Curves(np.ones((0, 5, 3, 3)), H, np.ones((0, 5)), np.ones((0, 5, 3, 3)))
+        Curves.of_network(np.ones((0, 5, 3, 3)), H, np.ones((0, 5)), np.ones((0, 5, 3, 3)))
     for value in (-np.eye(3), np.zeros((3, 3)), np.full((3, 3), np.nan)):
         bad = F.copy()
         bad[2, 4] = value
         with pytest.raises(FitError, match="deformation 2, step 4"):
-            replace(curves, deformation_gradient=bad)
+            replace(curves, deformation_gradient=bad[None])
     with pytest.raises(FitError, match="'eq_3'"):
         fitted(curves, "eq_3", "energy")
     with pytest.raises(FitError, match="'work'"):
         fitted(curves, "families", "work")
     with pytest.raises(MaterialError, match="structure_tensor"):
-        fitted(replace(curves, structure_tensor=2.0 * H), "families", "energy")
+        fitted(replace(curves, structure_tensor=2.0 * H[None]), "families", "energy")

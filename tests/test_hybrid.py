@@ -9,9 +9,10 @@ from conftest import small_network
 from reference import respond
 from tissues import stretched_box
 
+from fibrous.curves import Curves
 from fibrous.fe.mesh import box
 from fibrous.fe.solver import LoadStepError, LoadStepper
-from fibrous.fitting.hgo import Curves, HGOFit, fit_constants
+from fibrous.fitting.hgo import HGOFit, fit_constants
 from fibrous.hybrid import FollowedNetwork, LaggedRefit
 from fibrous.materials.hgo import HGOFamilies
 from fibrous.materials.mixture import Mixture
@@ -82,13 +83,13 @@ def refitted(network, gradients, fit, without=()):
     energy = response.strain_energy_density.copy()
     stress = response.cauchy_stress.copy()
     energy[list(without)], stress[list(without)] = np.nan, np.nan
-    found = fit(Curves(gradients[None], network.structure_tensor, energy[None], stress[None]))
+    found = fit(Curves.of_network(gradients[None], network.structure_tensor, energy[None], stress[None]))
     return found.C2, found.C3
 
 
 def test_constants_that_never_change_give_the_plain_run(networks):
     def unchanged(curves: Curves) -> HGOFit:
-        element = int(np.array_equal(curves.structure_tensor, networks[1].structure_tensor))
+        element = int(np.array_equal(curves.structure_tensor[0], networks[1].structure_tensor))
         numbers = dict.fromkeys(HGOFit.__dataclass_fields__, 0.0)
         return HGOFit(**numbers | {"C2": C2[element], "C3": C3[element]})
 
@@ -167,7 +168,7 @@ def test_a_step_that_fails_leaves_what_converged_with_its_constants(networks):
 
 def test_a_repetition_that_fails_takes_the_last_step_with_it(networks):
     def stiffer_every_time(curves: Curves) -> HGOFit:
-        return replace(fit_energy(curves), C2=1e308 if len(curves.strain_energy_density[0]) == 5 else 0.1, C3=0.0)
+        return replace(fit_energy(curves), C2=1e308 if len(curves.strain_energy_density[0, 0]) == 5 else 0.1, C3=0.0)
 
     with pytest.raises(LoadStepError, match=r"^step 4: ") as error:
         follow(networks, stiffer_every_time, repetitions=1)

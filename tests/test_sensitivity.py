@@ -1,5 +1,6 @@
 """Sensitivities: a trial is the study's own fit, networks scale as they must, and sentences follow from the numbers."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -7,9 +8,9 @@ import pandas as pd
 import pytest
 from small_study import small_config
 
+from fibrous.curves import Curves
 from fibrous.deformation import Load, averaged_stretch, load_path, straight_path
 from fibrous.errors import NetworkError
-from fibrous.fitting.hgo import Curves
 from fibrous.materials.hgo import HGOStructureTensor
 from fibrous.sensitivity.sentences import sentences
 from fibrous.sensitivity.summary import completed, summary
@@ -27,7 +28,7 @@ QUANTITIES = ["C2_MPa", "C3", "r_squared", "stress_error"]
 def answers_of_eq_2(gradients, C2=0.2, C3=0.7) -> Curves:
     law = HGOStructureTensor(C2, C3, H)
     stress = law(gradients)[0] @ np.swapaxes(gradients, -1, -2) / np.linalg.det(gradients)[..., None, None]
-    return Curves(gradients, H, law.energy(gradients), stress)
+    return Curves.of_network(gradients, H, law.energy(gradients), stress)
 
 
 def loaded() -> Curves:
@@ -55,9 +56,9 @@ def test_the_error_of_stress_is_that_of_eq_2_written_out():
     """σ = 2 C2 x exp(C3 x²) F H Fᵀ/J with x = λ_f² − 1, against any stress, by the Frobenius norm over the steps."""
     path = judged()
     rng = np.random.default_rng(2)
-    network = Curves(path.deformation_gradient, H, path.strain_energy_density, rng.normal(size=(1, 7, 3, 3)))
+    network = replace(path, cauchy_stress=rng.normal(size=(1, 1, 7, 3, 3)))
     difference, own = 0.0, 0.0
-    for F, sigma in zip(network.deformation_gradient[0, 1:], network.cauchy_stress[0, 1:], strict=True):
+    for F, sigma in zip(network.deformation_gradient[0, 0, 1:], network.cauchy_stress[0, 0, 1:], strict=True):
         x = np.trace(H @ F.T @ F) - 1.0
         law = 2.0 * 0.3 * x * np.exp(0.5 * x**2) * F @ H @ F.T / np.linalg.det(F)
         difference += ((law - sigma) ** 2).sum()
@@ -68,8 +69,8 @@ def test_the_error_of_stress_is_that_of_eq_2_written_out():
 def test_states_without_equilibrium_are_left_out_and_counted():
     curves, path = loaded(), judged()
     # What a solver may leave behind must reach neither fit nor error.
-    curves.cauchy_stress[1, 5], path.cauchy_stress[0, 3] = 1e9, 1e9
-    curves.strain_energy_density[1, 5], path.strain_energy_density[0, 3] = np.nan, np.nan
+    curves.cauchy_stress[0, 1, 5], path.cauchy_stress[0, 0, 3] = 1e9, 1e9
+    curves.strain_energy_density[0, 1, 5], path.strain_energy_density[0, 0, 3] = np.nan, np.nan
     trial = tried(curves, path, **FIT)
     assert (trial.points_used, trial.states_failed, trial.judged_states_failed) == (23, 1, 1)
     np.testing.assert_allclose((trial.C2, trial.C3), (0.2, 0.7), rtol=1e-6)
@@ -78,10 +79,10 @@ def test_states_without_equilibrium_are_left_out_and_counted():
 
 def test_a_path_or_a_fit_without_states_has_no_error():
     path = judged()
-    path.strain_energy_density[0, 1:] = np.nan
+    path.strain_energy_density[0, 0, 1:] = np.nan
     assert np.isnan(tried(loaded(), path, **FIT).stress_error)
     curves = loaded()
-    curves.strain_energy_density[:, 1:] = np.nan
+    curves.strain_energy_density[..., 1:] = np.nan
     trial = tried(curves, judged(), **FIT)
     assert np.isnan([trial.C2, trial.C3, trial.stress_error]).all()
     assert trial.states_failed == 24

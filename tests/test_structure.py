@@ -16,14 +16,15 @@ from fibrous.study.stages import STAGES
 ROOT = Path(fibrous.__file__).parent
 MODULES = {".".join(("fibrous", *path.relative_to(ROOT).with_suffix("").parts)): path for path in ROOT.rglob("*.py")}
 # What knows the files of the study; the library below it knows none of them.
-ABOVE = ["datasets", "provenance", "prediction", "study", "figures"]
+ABOVE = ["datasets", "curve_datasets", "provenance", "prediction", "study", "figures"]
 # Formats of other programs, whose readers and writers nothing else of the library needs.
 FORMATS = ["network_files", "mesh_files", "vtu_files", "febio_files"]
 TISSUE = ["fitting", "fe", "hybrid", "specimen", "material_point"]
 # room: what it must not import, itself or through others
 FORBIDDEN = {
     "deformation": ["networks", "materials", *TISSUE, *FORMATS, *ABOVE],
-    "networks": ["materials", *TISSUE, *FORMATS, *ABOVE],
+    "curves": ["networks", "materials", *TISSUE, *FORMATS, *ABOVE],
+    "networks": ["curves", "materials", *TISSUE, *FORMATS, *ABOVE],
     "materials": [*TISSUE, *FORMATS, *ABOVE],
     "fitting": ["networks", "fe", "hybrid", "specimen", "material_point", *FORMATS, *ABOVE],
     "fe": ["networks", "fitting", "hybrid", "specimen", "material_point", *FORMATS, *ABOVE],
@@ -34,7 +35,10 @@ FORBIDDEN = {
     "audit": [*FORMATS, *ABOVE],
     "report": [*FORMATS, *ABOVE],
     "sensitivity": ["hybrid", "specimen", *FORMATS, *ABOVE],
-    "datasets": ["networks", "materials", *TISSUE, *FORMATS, "prediction", "study", "figures"],
+    **{
+        name: ["networks", "materials", *TISSUE, *FORMATS, "prediction", "study", "figures"]
+        for name in ("datasets", "curve_datasets")
+    },
     "figures": ["study"],
     "study": ["figures"],
 }

@@ -22,9 +22,10 @@ from small_study import (
 )
 
 from fibrous import datasets
+from fibrous.curves import Curves
 from fibrous.errors import ConvergenceError, DatasetError, FibrousError, FitError
 from fibrous.fe.solver import LoadStepper
-from fibrous.fitting.hgo import Curves, fit_constants
+from fibrous.fitting.hgo import fit_constants
 from fibrous.materials.affine_fibers import AffineFibers
 from fibrous.materials.hgo import HGOFamilies, HGOStructureTensor
 from fibrous.materials.mixture import Mixture
@@ -335,7 +336,7 @@ def test_a_lagged_run_fits_what_its_networks_did(study, other, capsys):
         path = np.stack([np.eye(3), first[number]])
         response = respond(EquilibriumSolver.of(network, ExponentialFiber(2.5)), path, SCALE)
         energy, stress = response.strain_energy_density, response.cauchy_stress
-        curves = Curves(path[None], structure_tensor(network.fiber_vectors), energy[None], stress[None])
+        curves = Curves.of_network(path[None], structure_tensor(network.fiber_vectors), energy[None], stress[None])
         fit = fit_constants(curves, "structure_tensor", "energy", tension_only=True, **small.config["fit"])
         np.testing.assert_allclose((found["C2"][1, number], found["C3"][1, number]), (fit.C2, fit.C3), rtol=1e-6)
     small.config["equilibrium"] |= {"largest_number_of_iterations": 1, "largest_number_of_cuts": 1}

@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fibrous.curves import Curves
 from fibrous.fe.solver import LoadStepError, LoadStepper, Solution
-from fibrous.fitting.hgo import Curves, HGOFit
+from fibrous.fitting.hgo import HGOFit
 from fibrous.networks.engine import Engine, PathState
 from fibrous.networks.lanes import LANES
 
@@ -150,9 +151,8 @@ class _Record:
     def curve(self, k: int, step: int, network: FollowedNetwork) -> Curves:
         """The curve of network `k` up to a load step, itself included."""
         upto = slice(0, step + 2)
-        arrays = self.gradient[upto, k], self.energy[upto, k], self.stress[upto, k]
-        gradient, energy, stress = (array[None] for array in arrays)
-        return Curves(gradient, network.structure_tensor, energy, stress)
+        F, energy, stress = (array[None, upto, k] for array in (self.gradient, self.energy, self.stress))
+        return Curves.of_network(F, network.structure_tensor, energy, stress)
 
 
 def _joined(solved: Sequence[Sequence[Solution]], steps: int) -> Solution:

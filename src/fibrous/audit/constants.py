@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fibrous.audit.curves import converge
-from fibrous.audit.evidence import Constants, Curves
+from fibrous.audit.evidence import Constants
 from fibrous.audit.finding import (
     Array,
     Finding,
@@ -26,6 +26,7 @@ from fibrous.audit.finding import (
     span,
     stretches,
 )
+from fibrous.curves import Curves
 from fibrous.deformation import Load
 from fibrous.fitting import printed
 from fibrous.fitting.surface import evaluate
@@ -72,9 +73,10 @@ def starting_exponents(curves: Curves) -> Array:
 
     Of the states after λ_f is least that stretch the mean fibre; NaN where there are fewer than three of them.
     """
-    found = np.full(curves.averaged_stretch.shape[:2], np.nan)
+    stretch = curves.averaged_stretch
+    found = np.full(stretch.shape[:2], np.nan)
     for i, j in np.ndindex(*found.shape):
-        excess, energy = curves.averaged_stretch[i, j] - 1.0, curves.strain_energy_density[i, j]
+        excess, energy = stretch[i, j] - 1.0, curves.strain_energy_density[i, j]
         rising = (np.arange(len(excess)) > np.argmin(excess)) & (excess > 0.0) & (energy > 0.0)
         if rising.sum() > 2:
             found[i, j] = np.polyfit(np.log(excess[rising]), np.log(energy[rising]), 1)[0]
@@ -113,7 +115,7 @@ def shear_pair(
     nonlinearity = {name: fits.C3[like] for name, fits in ((first, one), (second, other))}
     reaching = [name for name, C3 in nonlinearity.items() if C3.min() <= wanted <= C3.max()]
     ranges = listed([f"{span(C3)} with {name}" for name, C3 in nonlinearity.items()])
-    cut = [int(every.under(load_sets[name]).cut[like].any(axis=1).sum()) for name in (first, second)]
+    cut = [int(every.under(load_sets[name]).amplitude_limited[like].any(axis=1).sum()) for name in (first, second)]
     return Finding(
         "; ".join(
             f"{name}: C2 {say(fits.C2[0], unit='MPa')}, C3 {say(fits.C3[0])}, R² {fits.r_squared[0]:.2f} up to λ_f = "

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fibrous.audit.evidence import Curves
 from fibrous.audit.finding import (
     Array,
     Finding,
@@ -26,6 +25,7 @@ from fibrous.audit.finding import (
     span,
     where,
 )
+from fibrous.curves import Curves
 from fibrous.deformation import Load, averaged_stretch, right_cauchy_green
 
 LoadSets = Mapping[str, tuple[str, ...]]
@@ -61,7 +61,9 @@ def realignment(small: Curves, large: Curves, load_sets: LoadSets, thresholds: T
     """
     varies, more, faster, said, rates, spreads = {}, {}, {}, [], [], []
     for name, loads in load_sets.items():
-        few, many = (np.ptp(curves.under(loads).orientation[..., -1], axis=1) for curves in (small, large))
+        few, many = (
+            np.ptp(curves.under(loads).largest_orientation_eigenvalue[..., -1], axis=1) for curves in (small, large)
+        )
         rate, later = (
             apart / (curves.averaged_stretch[..., -1].max(axis=1) - 1.0)
             for apart, curves in ((few, small), (many, large))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from fibrous.audit.evidence import Curves
 from fibrous.audit.finding import (
     Array,
     Finding,
@@ -20,6 +19,7 @@ from fibrous.audit.finding import (
     span,
 )
 from fibrous.audit.refits import constants_up_to
+from fibrous.curves import Curves
 from fibrous.deformation import Load
 
 KINDS = ("uniaxial", "biaxial", "shear")

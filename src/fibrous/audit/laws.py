@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fibrous.audit.evidence import Constants, Curves
+from fibrous.audit.evidence import Constants
 from fibrous.audit.finding import (
     Array,
     Finding,
@@ -23,6 +23,7 @@ from fibrous.audit.finding import (
     say,
     span,
 )
+from fibrous.curves import Curves
 from fibrous.material_point import along_path
 from fibrous.materials.contract import Material
 from fibrous.materials.hgo import HGOFamilies, HGOStructureTensor

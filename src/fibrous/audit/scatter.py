@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fibrous.audit.evidence import Constants, Curves
+from fibrous.audit.evidence import Constants
 from fibrous.audit.finding import (
     Array,
     Finding,
@@ -22,6 +22,7 @@ from fibrous.audit.finding import (
     span,
     where,
 )
+from fibrous.curves import Curves
 
 LoadSets = Mapping[str, tuple[str, ...]]
 
@@ -46,7 +47,7 @@ def dissimilarity(ensemble: Curves, load_sets: LoadSets, thresholds: Thresholds)
         )
         first, last = _fifths(curves.H11, at_common)
         medians.append(f"from {number(first)} to {number(last)} with {name}")
-        cuts.append(f"{counted(int(curves.cut.any(axis=1).sum()), 'network')} with {name}")
+        cuts.append(f"{counted(int(curves.amplitude_limited.any(axis=1).sum()), 'network')} with {name}")
     return Finding(
         "; ".join(said),
         judged(holds.values()),
@@ -83,7 +84,7 @@ def fit_spread(
             f"{_firsts({network: one.dissimilarity() for network, one in curves.items()})} at their own largest λ_f"
         )
         ranks.append(f"{trend:+.2f} with {name}")
-        cuts.append(f"{sum(int(one.cut.any(axis=1).sum()) for one in curves.values())} with {name}")
+        cuts.append(f"{sum(int(one.amplitude_limited.any(axis=1).sum()) for one in curves.values())} with {name}")
         spreads.append(f"{name}: " + ", ".join(span(one[1:]) for one in factors.values()))
     total = sum(len(one.names) for one in survey.values())
     return Finding(

@@ -18,9 +18,10 @@ from fibrous.audit import (
     tissue,
     trends,
 )
-from fibrous.audit.evidence import Constants, Curves, Fits
+from fibrous.audit.evidence import Constants, Fits
 from fibrous.audit.finding import Array, Finding, Statement, Thresholds
 from fibrous.audit.refits import constants_up_to
+from fibrous.curves import Curves
 from fibrous.networks.three_fibers import affine, equilibrium
 
 ALONG, ACROSS = 1.5, 2.0 / 3.0  # stretches of Fig. 7b and c

@@ -11,7 +11,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from fibrous.datasets import read, read_table
+from fibrous.curve_datasets import read_curves
+from fibrous.datasets import read_table
 from fibrous.deformation import largest_principal_stretch
 from fibrous.errors import DatasetError
 from fibrous.figures import style
@@ -36,29 +37,27 @@ FIT_POINTS = 201
 
 
 def curve_table(path: Path, network: str) -> pd.DataFrame:
-    """The curves of the network of that name, one row a state, loads in the order of the file.
+    """The curves of the network of that name as figures draw and write them: a row a state, loads as in the file.
 
     Columns: deformation, step, magnitude, averaged_stretch, largest_principal_stretch (of F),
     strain_energy_density_MPa, largest_orientation_eigenvalue, converged, amplitude_limited. Raises DatasetError where
     no network has the name.
     """
-    curves = read(path, "curves")
-    found = np.flatnonzero(curves["name"].values == network)
-    if found.size != 1:
-        raise DatasetError(f"{path}: holds {found.size} networks named '{network}' where the figure draws one")
-    chosen = curves.isel(network=int(found[0]))
-    loads, steps = chosen.sizes["deformation"], chosen.sizes["step"]
+    curves = read_curves([path]).called(network)
+    if len(curves.names) != 1:
+        raise DatasetError(f"{path}: holds {len(curves.names)} networks named '{network}' where the figure draws one")
+    loads, steps = curves.magnitude.shape[1:]
     return pd.DataFrame(
         {
-            "deformation": np.repeat(chosen["deformation"].values.astype(str), steps),
-            "step": np.tile(chosen["step"].values, loads),
-            "magnitude": chosen["magnitude"].values.ravel(),
-            "averaged_stretch": chosen["averaged_stretch"].values.ravel(),
-            "largest_principal_stretch": largest_principal_stretch(chosen["deformation_gradient"].values).ravel(),
-            "strain_energy_density_MPa": chosen["strain_energy_density"].values.ravel(),
-            "largest_orientation_eigenvalue": chosen["largest_orientation_eigenvalue"].values.ravel(),
-            "converged": chosen["converged"].values.ravel(),
-            "amplitude_limited": np.repeat(chosen["amplitude_limited"].values, steps),
+            "deformation": np.repeat(np.array(curves.loads), steps),
+            "step": np.tile(np.arange(steps), loads),
+            "magnitude": curves.magnitude.ravel(),
+            "averaged_stretch": curves.averaged_stretch.ravel(),
+            "largest_principal_stretch": largest_principal_stretch(curves.deformation_gradient).ravel(),
+            "strain_energy_density_MPa": curves.strain_energy_density.ravel(),
+            "largest_orientation_eigenvalue": curves.largest_orientation_eigenvalue.ravel(),
+            "converged": curves.converged.ravel(),
+            "amplitude_limited": np.repeat(curves.amplitude_limited, steps),
         }
     )
 

@@ -19,6 +19,7 @@ from matplotlib.patches import FancyArrowPatch, FancyBboxPatch, PathPatch
 from matplotlib.path import Path as Outline
 from matplotlib.ticker import MaxNLocator
 
+from fibrous.curve_datasets import read_curves
 from fibrous.datasets import read, read_table, write_table
 from fibrous.errors import DatasetError
 from fibrous.figures import style
@@ -260,19 +261,13 @@ def _fibers(paths: list[Path], network: int) -> np.ndarray:
 
 def _curves(paths: list[Path], network: int, loads: Sequence[str] | None) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """λ_f and W (MPa) of the converged states of each of the loads, or of all that the file holds."""
-    for path in paths:
-        curves = read(path, "curves")
-        if network in curves["network"].values:
-            own, found = curves.sel(network=network), {}
-            for load in curves["deformation"].values.astype(str) if loads is None else loads:
-                states = own.sel(deformation=load)
-                kept = states["converged"].values
-                found[str(load)] = (
-                    states["averaged_stretch"].values[kept],
-                    states["strain_energy_density"].values[kept],
-                )
-            return found
-    raise DatasetError(f"{paths[0].parent}: no file holds network {network}; delete the curves and run again")
+    curves = read_curves(paths)
+    curves = curves.of(curves.numbers == network)
+    if not len(curves.numbers):
+        raise DatasetError(f"{paths[0].parent}: no file holds network {network}; delete the curves and run again")
+    curves = curves if loads is None else curves.under(loads)
+    kept, stretch, energy = curves.converged[0], curves.averaged_stretch[0], curves.strain_energy_density[0]
+    return {load: (stretch[i, kept[i]], energy[i, kept[i]]) for i, load in enumerate(curves.loads)}
 
 
 def _constants(path: Path, network: int, load_set: str, deformation: str | None) -> tuple[float, float]:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import exprel
 
+from fibrous.curves import Curves
 from fibrous.deformation import averaged_stretch
 from fibrous.errors import FitError
 from fibrous.fitting.projection import Shape, least_squares
@@ -35,49 +36,6 @@ LARGEST_EXPONENT = 600.0
 # Kelvin's notation of a symmetric tensor: its six numbers have the tensor's norm, so no component counts twice or half.
 KELVIN = ((0, 1, 2, 1, 0, 0), (0, 1, 2, 2, 2, 1))
 KELVIN_FACTORS = np.array([1.0, 1.0, 1.0, *3 * (np.sqrt(2.0),)])
-
-
-@dataclass(frozen=True)
-class Curves:
-    """What one network answered to its loads; step 0 is the state of rest, a state without an equilibrium holds NaN.
-
-    Parameters
-    ----------
-    deformation_gradient : F, shape (deformations, steps + 1, 3, 3), finite, of positive determinant
-    structure_tensor : H, shape (3, 3), symmetric, positive semidefinite, trace 1
-    strain_energy_density : W, shape (deformations, steps + 1), MPa
-    cauchy_stress : σ, shape (deformations, steps + 1, 3, 3), MPa
-
-    Raises FitError for other shapes, and for F that is not finite or whose determinant is not positive.
-    """
-
-    deformation_gradient: Array
-    structure_tensor: Array
-    strain_energy_density: Array
-    cauchy_stress: Array
-
-    def __post_init__(self) -> None:
-        F, H, W, stress = (np.asarray(getattr(self, name), dtype=float) for name in self.__dataclass_fields__)
-        if (
-            W.ndim != 2
-            or not W.shape[0]
-            or W.shape[1] < 2
-            or not F.shape == stress.shape == (*W.shape, 3, 3)
-            or H.shape != (3, 3)
-        ):
-            raise FitError(
-                "curves need F and stress of shape (deformations, steps + 1, 3, 3), W of shape (deformations, "
-                f"steps + 1) and H of shape (3, 3), not {F.shape}, {stress.shape}, {W.shape} and {H.shape}"
-            )
-        finite = np.isfinite(F).all(axis=(-1, -2))
-        bad = np.argwhere(np.linalg.det(np.where(finite[..., None, None], F, 0.0)) <= 0.0)
-        if len(bad):
-            raise FitError(
-                f"curves: F of deformation {bad[0, 0]}, step {bad[0, 1]} is not finite or has no positive determinant: "
-                "mend that deformation gradient"
-            )
-        for name, value in zip(self.__dataclass_fields__, (F, H, W, stress), strict=True):
-            object.__setattr__(self, name, value)
 
 
 @dataclass(frozen=True)
@@ -154,9 +112,12 @@ def fit_constants(
     constants are NaN (`none`). For Eq. 2, energy and one deformation, where R² of the fit is below
     `slope_fit_below_r_squared`, dW/dλ_f (see energy_slope) is fitted instead (`slope`, section 2.5). Otherwise the
     rule is the objective.
-    Raises FitError for an unknown law or objective, MaterialError where families are asked of an H that has none.
+    Raises FitError for an unknown law or objective, or curves of several networks, MaterialError where families are
+    asked of an H that has none.
     """
-    stretch = averaged_stretch(curves.deformation_gradient, curves.structure_tensor)
+    if len(curves.names) != 1:
+        raise FitError(f"curves of {len(curves.names)} networks, and constants are fitted to those of one: choose it")
+    stretch = curves.averaged_stretch[0]
     law = _law(curves, energy, stretch, tension_only)
     data = _data(curves, objective)
     stretched = law.stretched.copy()
@@ -168,7 +129,7 @@ def fit_constants(
     fit = _fit(_problem(curves, law, objective, data, stretch, used), largest_C3)
     single = energy == "structure_tensor" and objective == "energy" and len(stretch) == 1
     if single and fit.r_squared < slope_fit_below_r_squared:
-        rising, slope = _rising_slope(stretch[0], curves.strain_energy_density[0])
+        rising, slope = _rising_slope(stretch[0], curves.strain_energy_density[0, 0])
         if rising.size:
             return _fit(_slope_problem(rising, slope, stretch.size - 1), largest_C3)
     return fit
@@ -185,14 +146,14 @@ class _Law(NamedTuple):
 
 def _law(curves: Curves, energy: Energy, stretch: Array, tension_only: bool) -> _Law:
     if energy == "structure_tensor":
-        return _Law(np.ones(1), curves.structure_tensor[None], _excess(stretch)[None], stretch > 1.0)
+        return _Law(np.ones(1), curves.structure_tensor, _excess(stretch)[None], stretch > 1.0)
     if energy != "families":
         raise FitError(f"energy '{energy}' is no law: take structure_tensor (Eq. 2) or families (Eq. 10C)")
-    families = HGOFamilies.of_structure_tensor(curves.structure_tensor, 0.0, 0.0, tension_only)
+    families = HGOFamilies.of_structure_tensor(curves.structure_tensor[0], 0.0, 0.0, tension_only)
     carrying = families.weights > ROUNDING
     directions = families.directions[carrying]
     structures = directions[:, :, None] * directions[:, None, :]
-    excess = np.array([_excess(averaged_stretch(curves.deformation_gradient, one)) for one in structures])
+    excess = np.array([_excess(averaged_stretch(curves.deformation_gradient[0], one)) for one in structures])
     if tension_only:
         excess = np.maximum(excess, 0.0)
     return _Law(families.weights[carrying], structures, excess, (np.abs(excess) > RESTING).any(axis=0))
@@ -201,10 +162,10 @@ def _law(curves: Curves, energy: Energy, stretch: Array, tension_only: bool) -> 
 def _data(curves: Curves, objective: Objective) -> Array:
     """What is fitted, shape (components, deformations, steps + 1): W, or the stress in Kelvin's notation."""
     if objective == "energy":
-        return curves.strain_energy_density[None]
+        return curves.strain_energy_density
     if objective != "stress":
         raise FitError(f"objective '{objective}' is unknown: fit energy or stress")
-    return _kelvin(curves.cauchy_stress)
+    return _kelvin(curves.cauchy_stress[0])
 
 
 def _kelvin(tensor: Array) -> Array:
@@ -236,7 +197,7 @@ def _problem(
     if objective == "energy":
         shape, separable = energy_shape(law.weights, q), bool(np.any(q != q[:, :1]))
     else:
-        gradient = curves.deformation_gradient[used]
+        gradient = curves.deformation_gradient[0, used]
         pushed = gradient @ law.structures[:, None] @ np.swapaxes(gradient, -1, -2)
         factor = 2.0 * law.weights[:, None] * excess / largest**2 / np.linalg.det(gradient)
         basis = np.swapaxes(_kelvin(factor[..., None, None] * pushed), 0, 1)

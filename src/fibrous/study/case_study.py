@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 
 from fibrous import datasets
+from fibrous.curve_datasets import read_curves
+from fibrous.curves import Curves
 from fibrous.errors import DatasetError, naming
 from fibrous.material_point import COMPONENTS, along_path, stress_errors
 from fibrous.materials.affine_fibers import AffineFibers
@@ -51,36 +52,35 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     """
     config = params["config"]
     path = _path_of(inputs["curves"][0], config["network"])
-    network = path["cauchy_stress"].values
-    used = path["converged"].values
-    for step in path["step"].values[~used]:
+    network, gradients, used = path.cauchy_stress[0, 0], path.deformation_gradient[0, 0], path.converged[0, 0]
+    for step in np.flatnonzero(~used):
         print(f"{config['network']}, step {step}: no equilibrium was found; the state is left out", file=sys.stderr)
-    compared = used & (path["step"].values > 0)
+    compared = used & (np.arange(len(used)) > 0)
     if not compared.any():
         raise DatasetError(
             f"{inputs['curves'][0]}: {config['network']} found no equilibrium beyond rest; load it in more steps"
         )
     about = {"model": NETWORK, **NOTHING}
-    states = [_states(about, path, path["strain_energy_density"].values, network)[used]]
+    states = [_states(about, path, path.strain_energy_density[0, 0], network)[used]]
     errors: list[dict[str, Any]] = []
-    for model in _models(inputs, config, str(path["deformation"].item())):
-        response = along_path(model.material, path["deformation_gradient"].values)
+    for model in _models(inputs, config, path.loads[0]):
+        response = along_path(model.material, gradients)
         states.append(_states(model.about, path, response.strain_energy_density, response.cauchy_stress))
         errors += _errors(model, response.cauchy_stress[compared], network[compared])
     datasets.write_table(pd.concat(states, ignore_index=True), outputs["stresses"], params)
     datasets.write_table(pd.DataFrame(errors), outputs["errors"], params)
 
 
-def _path_of(path: Path, name: str) -> xr.Dataset:
-    """The states of the network of that name under the only deformation of a file of curves."""
-    curves = datasets.read(path, "curves")
-    if curves.sizes["deformation"] != 1:
-        raise DatasetError(f"{path}: holds {curves.sizes['deformation']} deformations where the case study has one")
-    return curves.isel(network=_number_of(curves, name, path), deformation=0)
+def _path_of(path: Path, name: str) -> Curves:
+    """The network of that name under the only deformation of a file of curves."""
+    curves = read_curves([path])
+    if len(curves.loads) != 1:
+        raise DatasetError(f"{path}: holds {len(curves.loads)} deformations where the case study has one")
+    return curves.network(_index_of(curves.names, name, path))
 
 
-def _number_of(dataset: xr.Dataset, name: str, path: Path) -> int:
-    found = np.flatnonzero(dataset["name"].values == name)
+def _index_of(names: np.ndarray, name: str, path: Path) -> int:
+    found = np.flatnonzero(names == name)
     if found.size != 1:
         raise DatasetError(f"{path}: holds {found.size} networks named '{name}' where the case study has one")
     return int(found[0])
@@ -127,16 +127,16 @@ def _affine_fibers(path: Path, name: str) -> AffineFibers:
     """The fibres of the network of that name in a file of networks, all stretched with F."""
     dataset = datasets.read(path, "networks")
     with naming(str(path)):
-        network = unpacked(dataset)[_number_of(dataset, name, path)]
+        network = unpacked(dataset)[_index_of(dataset["name"].values, name, path)]
     return AffineFibers.of_networks([network], fiber_law(dataset), scale_of(dataset))
 
 
-def _states(about: Mapping[str, Any], path: xr.Dataset, energy: np.ndarray, stress: np.ndarray) -> pd.DataFrame:
+def _states(about: Mapping[str, Any], path: Curves, energy: np.ndarray, stress: np.ndarray) -> pd.DataFrame:
     """Rows of the table of stresses, one a step."""
     states = {
-        "step": path["step"].values,
-        "magnitude": path["magnitude"].values,
-        "averaged_stretch": path["averaged_stretch"].values,
+        "step": np.arange(len(energy)),
+        "magnitude": path.magnitude[0, 0],
+        "averaged_stretch": path.averaged_stretch[0, 0],
         "strain_energy_density_MPa": energy,
         **{f"sigma_{name}_MPa": stress[:, i, j] for name, (i, j) in COMPONENTS.items()},
     }

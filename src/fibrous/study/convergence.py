@@ -9,18 +9,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from fibrous.datasets import read, write_table
+from fibrous.curve_datasets import read_curves
+from fibrous.datasets import write_table
 
 COLUMNS = (
-    "ensemble",
-    "protocol",
-    "network",
-    "name",
-    "load",
-    "step",
-    "amplitude_limited",
-    "newton_iterations",
-)
+    "ensemble", "protocol", "network", "name", "load", "step", "amplitude_limited", "newton_iterations",
+)  # fmt: skip
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
@@ -37,23 +31,13 @@ def survey(curves: Iterable[Path]) -> tuple[pd.DataFrame, int]:
     rows: list[tuple[Any, ...]] = []
     limited_loads = 0
     for path in curves:
-        dataset = read(path, "curves")
+        batch = read_curves([path])
         ensemble, protocol = path.parts[-3:-1]
-        limited = dataset["amplitude_limited"].values
-        limited_loads += int(limited.sum())
-        for i, j, k in np.argwhere(~dataset["converged"].values):
-            rows.append(
-                (
-                    ensemble,
-                    protocol,
-                    int(dataset["network"].values[i]),
-                    str(dataset["name"].values[i]),
-                    str(dataset["deformation"].values[j]),
-                    int(dataset["step"].values[k]),
-                    bool(limited[i, j]),
-                    int(dataset["newton_iterations"].values[i, j, k]),
-                )
-            )
+        limited_loads += int(batch.amplitude_limited.sum())
+        for i, j, k in np.argwhere(~batch.converged):
+            state = (int(batch.numbers[i]), str(batch.names[i]), batch.loads[j], int(k))
+            spent = (bool(batch.amplitude_limited[i, j]), int(batch.newton_iterations[i, j, k]))
+            rows.append((ensemble, protocol, *state, *spent))
     return pd.DataFrame(rows, columns=list(COLUMNS)), limited_loads
 
 

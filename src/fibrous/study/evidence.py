@@ -13,11 +13,13 @@ import xarray as xr
 
 from fibrous import datasets
 from fibrous.audit.costs import Costs
-from fibrous.audit.evidence import Constants, Curves
+from fibrous.audit.evidence import Constants
 from fibrous.audit.finding import Thresholds
 from fibrous.audit.laws import INITIAL, REFIT
 from fibrous.audit.statements import Evidence
 from fibrous.audit.tissue import Tissue
+from fibrous.curve_datasets import read_curves
+from fibrous.curves import Curves
 from fibrous.errors import DatasetError
 from fibrous.study.comparison import fields_of
 from fibrous.study.fit_tables import ALL, SINGLE, fits_of
@@ -28,18 +30,6 @@ FIT_COLUMNS = (
     "network", "name", "load_set", "deformation", "energy", "objective", "H11", "H22", "H33", "lambda_f_max", "C2_MPa",
     "C3", "r_squared",
 )  # fmt: skip
-# Fields of the curves and the variables of the files that hold them.
-CURVES = {
-    "structure_tensor": "structure_tensor",
-    "deformation_gradient": "deformation_gradient",
-    "magnitude": "magnitude",
-    "averaged_stretch": "averaged_stretch",
-    "strain_energy_density": "strain_energy_density",
-    "cauchy_stress": "cauchy_stress",
-    "orientation": "largest_orientation_eigenvalue",
-    "newton_iterations": "newton_iterations",
-    "cut": "amplitude_limited",
-}
 SURFACES = {"C2": "C2", "C3": "C3_eight"}  # the terms that the paper prints
 NETWORK_PARTS = ("assembly", "factorisation", "condensation")
 
@@ -53,8 +43,8 @@ def gathered(inputs: Mapping[str, list[Path]], config: Mapping[str, Any]) -> Evi
         name: {words: _fits(inputs[name], load_set, ALL) for load_set, words in sets.items()}
         for name in ("fits_small", "fits_large", "ensemble_fits_small", "ensemble_fits_large")
     }
-    curves = {name: _curves(inputs[name]) for name in ("small", "large", "ensemble")}
-    path = _curves(inputs["path"])
+    curves = {name: read_curves(inputs[name]) for name in ("small", "large", "ensemble")}
+    path = read_curves(inputs["path"])
     known = _nothing_missing(curves, fits)
     curves = {name: one.of(known[name]) for name, one in curves.items()}
     fits = {name: {words: one.of(known[name]) for words, one in by_set.items()} for name, by_set in fits.items()}
@@ -118,25 +108,6 @@ def spoken(load_set: str) -> str:
     """
     words = load_set.split("_")
     return f"section {'.'.join(words[1:])}'s loads" if words[0] == "section" else " ".join(words)
-
-
-def _curves(paths: list[Path]) -> Curves:
-    """Curves of the files, one after the other, each with its networks in the order of their numbers."""
-    files = [datasets.read(path, "curves") for path in paths]
-    loads = [tuple(str(load) for load in one["deformation"].values) for one in files]
-    if len(set(loads)) > 1:
-        raise DatasetError(f"{paths[0]}: holds other deformations than one of {paths[-1].parent}; run the rule again")
-    arrays = {field: np.concatenate([_known(one, variable) for one in files]) for field, variable in CURVES.items()}
-    names = np.concatenate([one["name"].values.astype(str) for one in files])
-    return Curves(names=names, loads=loads[0], **arrays)
-
-
-def _known(curves: xr.Dataset, variable: str) -> np.ndarray:
-    """A variable; energy and stress are NaN in states without an equilibrium."""
-    array = curves[variable]
-    if variable in ("strain_energy_density", "cauchy_stress"):
-        array = array.where(curves["converged"])
-    return np.asarray(array.values)
 
 
 def _fits(paths: list[Path], load_set: str, deformation: str) -> Constants:

@@ -16,11 +16,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 
 from fibrous import datasets
+from fibrous.curve_datasets import read_curves
+from fibrous.curves import Curves
 from fibrous.errors import ConfigError, DatasetError
-from fibrous.fitting.hgo import Curves, HGOFit, fit_constants
+from fibrous.fitting.hgo import HGOFit, fit_constants
 from fibrous.study.fit_tables import ALL, SINGLE, TENSOR_COLUMNS
 
 
@@ -35,16 +36,14 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     the protocol did not run.
     """
     config = params["config"]
-    batches = [datasets.read(path, "curves") for path in inputs["curves"]]
-    loads = _common_loads(batches, inputs["curves"])
-    groups = _groups(config["load_sets"], loads, config["protocol"])
+    curves = read_curves(inputs["curves"])
+    groups = _groups(config["load_sets"], curves.loads, config["protocol"])
     options = {"tension_only": config["tension_only"], **config["fit"]}
     seconds: dict[str, float] = {}
     rows = [
         row
-        for batch in batches
-        for index in range(batch.sizes["network"])
-        for row in _rows(batch.isel(network=index), config["forms"], groups, options, seconds)
+        for index in range(len(curves.names))
+        for row in _rows(curves.network(index), config["forms"], groups, options, seconds)
     ]
     table = pd.DataFrame(rows).sort_values("network", kind="stable", ignore_index=True)
     _refuse_duplicates(table, inputs["curves"])
@@ -56,16 +55,8 @@ def fits_key(form: Mapping[str, Any], load_set: str) -> str:
     return f"{form['energy']} to {form['objective']}, {load_set}"
 
 
-def _common_loads(batches: list[xr.Dataset], paths: list[Path]) -> list[str]:
-    loads = [[str(name) for name in batch["deformation"].values] for batch in batches]
-    for path, found in zip(paths, loads, strict=True):
-        if found != loads[0]:
-            raise DatasetError(f"{path}: holds other deformations than {paths[0]}; delete the curves and run again")
-    return loads[0]
-
-
-def _groups(load_sets: list[dict[str, Any]], loads: list[str], protocol: str) -> list[tuple[str, str, list[int]]]:
-    """(load_set, deformation, indices of the loads) of every fit, in the order of the table."""
+def _groups(load_sets: list[dict[str, Any]], loads: tuple[str, ...], protocol: str) -> list[tuple[str, str, list[str]]]:
+    """(load_set, deformation, loads) of every fit, in the order of the table."""
     groups = []
     for load_set in load_sets:
         for load in load_set["loads"]:
@@ -74,27 +65,24 @@ def _groups(load_sets: list[dict[str, Any]], loads: list[str], protocol: str) ->
                     f"load_sets: '{load_set['name']}' asks for {load}, which protocol '{protocol}' does not run: "
                     "add it to the protocol's loads"
                 )
-        groups.append((load_set["name"], ALL, [loads.index(load) for load in load_set["loads"]]))
-    return groups + [(SINGLE, load, [index]) for index, load in enumerate(loads)]
+        groups.append((load_set["name"], ALL, load_set["loads"]))
+    return groups + [(SINGLE, load, [load]) for load in loads]
 
 
 def _rows(
-    network: xr.Dataset,
+    network: Curves,
     forms: list[dict[str, Any]],
-    groups: list[tuple[str, str, list[int]]],
+    groups: list[tuple[str, str, list[str]]],
     options: Mapping[str, Any],
     seconds: dict[str, float],
 ) -> list[dict[str, Any]]:
     """The table's rows of one network; adds to the CPU `seconds` of each form and load set."""
-    number, name = int(network["network"]), str(network["name"].item())
-    converged = network["converged"].values
-    for load, step in np.argwhere(~converged):
-        _say_left_out(number, name, str(network["deformation"].values[load]), int(step))
-    gradient, tensor = network["deformation_gradient"].values, network["structure_tensor"].values
-    energy = np.where(converged, network["strain_energy_density"].values, np.nan)
-    stress = np.where(converged[..., None, None], network["cauchy_stress"].values, np.nan)
-    curves = [Curves(gradient[loads], tensor, energy[loads], stress[loads]) for _, _, loads in groups]
-    alignment = {column: float(tensor[index]) for column, index in TENSOR_COLUMNS.items()}
+    number, name = int(network.numbers[0]), str(network.names[0])
+    for _, load, step in np.argwhere(~network.converged):
+        state = f"network {number}{f' ({name})' if name else ''}, {network.loads[load]}, step {step}"
+        print(f"{state}: no equilibrium was found; the state is left out of the fits", file=sys.stderr)
+    curves = [network.under(loads) for _, _, loads in groups]
+    alignment = {column: float(network.structure_tensor[0][index]) for column, index in TENSOR_COLUMNS.items()}
     rows = []
     for form in forms:
         for (load_set, deformation, _), curve in zip(groups, curves, strict=True):
@@ -105,13 +93,6 @@ def _rows(
             about = {"network": number, "load_set": load_set, "deformation": deformation, "energy": form["energy"]}
             rows.append({**about, **_columns(fit, alignment), "name": name})
     return rows
-
-
-def _say_left_out(network: int, name: str, load: str, step: int) -> None:
-    called = f"network {network} ({name})" if name else f"network {network}"
-    print(
-        f"{called}, {load}, step {step}: no equilibrium was found; the state is left out of the fits", file=sys.stderr
-    )
 
 
 def _columns(fit: HGOFit, alignment: Mapping[str, float]) -> dict[str, Any]:

@@ -11,12 +11,19 @@ import numpy as np
 import xarray as xr
 
 from fibrous import datasets
+from fibrous.curves import Curves
 from fibrous.deformation import LoadEnd, LoadPath, load_paths
 from fibrous.errors import DatasetError, naming
 from fibrous.networks.engine import Engine
 from fibrous.networks.fiber_law import ExponentialFiber
 from fibrous.networks.network import Network
-from fibrous.networks.path import stress_scale
+from fibrous.networks.path import follow, stress_scale
+
+# Fields of curves that come from the engine.
+ANSWERED = (
+    "strain_energy_density", "cauchy_stress", "first_piola_kirchhoff_stress", "largest_orientation_eigenvalue",
+    "newton_iterations", "cuts",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -32,6 +39,21 @@ class LoadedNetwork:
 
     def __str__(self) -> str:
         return f"network {self.number} {self.name}".rstrip()
+
+    def answers(self) -> Curves:
+        """What it answers along its paths, all of one length. Raises NetworkError for a mechanism at rest."""
+        gradients = np.array([path.gradients for path in self.paths])
+        response = follow(self.engine, gradients, self.stress_scale_MPa)
+        return Curves(
+            numbers=np.array([self.number]),
+            names=np.array([self.name]),
+            loads=tuple(path.name for path in self.paths),
+            structure_tensor=self.structure_tensor[None],
+            deformation_gradient=gradients[None],
+            magnitude=np.array([[path.magnitudes for path in self.paths]]),
+            amplitude_limited=np.array([[path.amplitude_limited for path in self.paths]]),
+            **{name: getattr(response, name)[None] for name in ANSWERED},
+        )
 
 
 # Paths of a network, by its number and its structure tensor, shape (3, 3).

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fibrous import datasets
+from fibrous.curve_datasets import write_curves
 from fibrous.deformation import LoadPath
 from fibrous.errors import DatasetError
 from fibrous.study.curves import curves_of
@@ -41,6 +43,5 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
         ]
 
     curves = curves_of(loaded_networks(inputs["networks"][0], params["config"]["equilibrium"], paths))
-    for number, run in enumerate(runs):
-        alone = curves.isel(deformation=[number]).assign_coords(deformation=np.array([LOAD], dtype=object))
-        datasets.write(alone, outputs[run], "curves", {**params, "files_of_job": len(runs)})
+    for run in runs:
+        write_curves(replace(curves.under([run]), loads=(LOAD,)), outputs[run], {**params, "files_of_job": len(runs)})

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +17,8 @@ from fibrous.networks.fiber_law import ExponentialFiber
 from fibrous.networks.generation import delaunay_network, network_seed
 from fibrous.networks.network import structure_tensor, total_length
 from fibrous.networks.path import stress_scale
-from fibrous.sensitivity.trial import Trial, answers, tried
-from fibrous.study.loading import protocol_paths
+from fibrous.sensitivity.trial import Trial, tried
+from fibrous.study.loading import LoadedNetwork, protocol_paths
 
 REPLICATES = "replicates"  # the ensemble whose seeds the networks share
 
@@ -48,22 +47,17 @@ def _rows(entry: Mapping[str, Any], number: int, config: Mapping[str, Any]) -> I
     with naming(f"{entry['name']}, replicate {number}"):
         network = delaunay_network(asked, length, seed, cube["alignment_tolerance"])
         tensor = structure_tensor(network.fiber_vectors)
-        paths, judged_paths = (
-            protocol_paths({**config, "protocol": config[key]})(number, tensor) for key in ("protocol", "path")
-        )
+        paths = [protocol_paths({**config, "protocol": config[key]})(number, tensor) for key in ("protocol", "path")]
         engine = Engine.of(network, law, **config["equilibrium"])
-        curves, judged = (answers(engine, tensor, scale, one) for one in (paths, judged_paths))
-    names = [path.name for path in paths]
-    lost = [(name, curves.strain_energy_density[i]) for i, name in enumerate(names)]
-    for name, energy in [*lost, (judged_paths[0].name, judged.strain_energy_density[0])]:
-        for step in np.flatnonzero(np.isnan(energy)):
+        curves, judged = (LoadedNetwork(number, entry["name"], tensor, engine, scale, part).answers() for part in paths)
+    for answers in (curves, judged):
+        for _, load, step in np.argwhere(~answers.converged):
             print(
-                f"{entry['name']}, replicate {number}, {name}, step {step}: no equilibrium was found", file=sys.stderr
+                f"{entry['name']}, replicate {number}, {answers.loads[load]}, step {step}: no equilibrium was found",
+                file=sys.stderr,
             )
     for load_set in config["load_sets"]:
-        loads = [names.index(load) for load in load_set["loads"]]
-        fields = ("deformation_gradient", "strain_energy_density", "cauchy_stress")
-        chosen = replace(curves, **{field: getattr(curves, field)[loads] for field in fields})
+        chosen = curves.under(load_set["loads"])
         yield {
             **{key: config[key] for key in ("factor", "value", "unit")},
             "network": entry["name"],
@@ -71,7 +65,7 @@ def _rows(entry: Mapping[str, Any], number: int, config: Mapping[str, Any]) -> I
             "seed": seed,
             "load_set": load_set["name"],
             **_columns(tried(chosen, judged, **config["fit"])),
-            "loads_limited": sum(paths[load].amplitude_limited for load in loads),
+            "loads_limited": int(chosen.amplitude_limited.sum()),
             "fibers": len(network.fiber_nodes),
         }
 
