@@ -8,6 +8,7 @@ equilibrium that way is handed to `guard`, which goes from the last equilibrium 
 
 from __future__ import annotations
 
+import math
 import threading
 from dataclasses import dataclass, field
 from typing import NamedTuple, Self
@@ -62,15 +63,20 @@ class Room:
 
     def __init__(self) -> None:
         self._memory: dict[str, Array] = {}
+        self._views: dict[tuple[str, tuple[int, ...]], Array] = {}
         self.holds: object = None
         self.factored = np.empty(0)
 
     def array(self, name: str, *shape: int) -> Array:
         """The array of that name, contiguous, with eight lanes behind `shape`; what it held before is undefined."""
-        size = int(np.prod(shape)) * LANES
-        if name not in self._memory or self._memory[name].size < size:
-            self._memory[name] = aligned(size)
-        return self._memory[name][:size].reshape(*shape, LANES)
+        view = self._views.get((name, shape))
+        if view is None:
+            size = math.prod(shape) * LANES
+            if name not in self._memory or self._memory[name].size < size:
+                self._memory[name] = aligned(size)
+                self._views = {key: kept for key, kept in self._views.items() if key[0] != name}
+            view = self._views[name, shape] = self._memory[name][:size].reshape(*shape, LANES)
+        return view
 
 
 def aligned(size: int) -> Array:

@@ -335,8 +335,10 @@ def begin_step(
 
 @njit(nogil=True, error_model="numpy")
 def predict(size: int, F: Array, from_F: Array, from_u: Array, from_G: Single, u: Array) -> None:
-    """Fill u, (≥ n + 1, 3, lanes), with the tangent's u + ∂u/∂F : ΔF at F, (3, 3, lanes)."""
-    u[:] = 0.0
+    """Fill the first n rows of u, (≥ n + 1, 3, lanes), with the tangent's u + ∂u/∂F : ΔF at F, (3, 3, lanes).
+
+    The others are not touched: what was never written takes no memory.
+    """
     for a in range(size):
         for i in range(3):
             moved = load(from_u, (a, i))
@@ -373,11 +375,10 @@ def add_bend(size: int, F: Array, from_F: Array, increment: Array, bend: Single,
 def find_bend(
     size: int, F: Array, u: Array, G: Single, from_F: Array, from_u: Array, from_G: Single, bend: Single
 ) -> None:
-    """Fill the coefficients of t² and t³, (2, ≥ n + 1, 3, lanes), of the cubic through two states and their rates.
+    """Fill the first n rows of the coefficients of t² and t³, (2, ≥ n + 1, 3, lanes), of a cubic through two states.
 
-    It is u + t ∂u/∂F : ΔF + t² bend₀ + t³ bend₁ with t = 0 at F and −1 at `from_F`.
+    With their rates it is u + t ∂u/∂F : ΔF + t² bend₀ + t³ bend₁ with t = 0 at F and −1 at `from_F`.
     """
-    bend[:] = 0.0
     for a in range(size):
         for i in range(3):
             here, there = spread(0.0), spread(0.0)
