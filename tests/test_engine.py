@@ -61,7 +61,7 @@ def test_forces_and_hessian_are_derivatives_of_the_energy(network, rng):
     F = stretched
     u = np.zeros((n + 1, 3, LANES))
     engine._pull(F, u)
-    assert engine._factorize(engine._forces()[1], 0.0).all()
+    assert engine._factorize(engine._forces()[1], 0.0)[0].all()
     right = room().array("newton", n, 3, 1)
     right[:, :, 0] = wanted = rng.normal(size=(n, 3, LANES))
     engine_module.solve(engine.topology.starts, engine.topology.rows, engine._factor(), right)
@@ -371,7 +371,7 @@ def test_a_cubic_path_is_predicted_exactly(rng):
     increment = here[0] - before[0]
     for t, bent in ((0.0, True), (0.25, True), (1.3, True), (3.0, False), (-2.0, False)):
         F, expected, _ = state(t)
-        u = np.empty((n + 1, 3, LANES))
+        u = np.zeros((n + 1, 3, LANES))
         kernels.predict(n, F, *here, u)
         straight = here[1].copy()
         rate = np.einsum("aipq,pq->aiq", here[2].astype(float), (F - here[0]).reshape(9, LANES))
@@ -445,3 +445,59 @@ def test_numbers_for_another_network_are_refused(network):
         Engine.of(network, ExponentialFiber(np.full(3, 2.5)))
     with pytest.raises(ConfigError, match=r"fiber\.section of fiber 1 is -1\.0"):
         ExponentialFiber(2.5, section=np.array([1.0, -1.0]))
+
+
+def test_a_fiber_at_rest_counts_as_stretched(network):
+    """Whatever rounding makes of its length: the tangent at rest is the guard's, which is that of tension."""
+    law = BucklingFiber(0.1)
+    tangent = follow(Engine.of(network, law), np.eye(3)[None, None], 1.0, tangent=True).tangent[0, 0]
+    solver = EquilibriumSolver.of(network, law)
+    expected = solver.condensed_tangent(solver.follow([np.eye(3)])[0])
+    np.testing.assert_allclose(tangent, expected, atol=1e-6 * np.abs(expected).max())
+    linear = solver.of(network, BucklingFiber(1.0))
+    np.testing.assert_allclose(
+        tangent, linear.condensed_tangent(linear.follow([np.eye(3)])[0]), atol=1e-6 * np.abs(expected).max()
+    )
+
+
+def symmetric_chain(section: float) -> tuple[Network, ExponentialFiber]:
+    """A chain on x of two free nodes, each held by four slight stays alike, so that no step ever leaves the axis."""
+    inner = np.array([[-0.3, 0.0, 0.0], [0.1, 0.0, 0.0]])
+    ends = np.array([[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]])
+    stays = np.array([[x, *yz] for x in (-0.3, 0.1) for yz in ((0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5))])
+    fibers = [[2, 0], [0, 1], [1, 3], *([0, k] for k in range(4, 8)), *([1, k] for k in range(8, 12))]
+    network = Network(np.vstack([inner, ends, stays]), np.array([False] * 2 + [True] * 10), np.array(fibers))
+    return network, ExponentialFiber(20.0, section=np.array([1.0, 2.0, 1.0, *[section] * 8]))
+
+
+def test_no_state_is_accepted_whose_hessian_is_indefinite():
+    """Near the load at which the chain buckles Newton's steps stay on the axis, and shrink the residual all the same."""
+    network, law = symmetric_chain(0.1)
+    engine, found = Engine.of(network, law), 0
+    for stretch in [*np.linspace(0.90, 0.96, 121), 0.9327150003860285]:
+        F = lanes([np.diag([stretch, 1.0, 1.0])])
+        state = engine.advance(engine.rest(), F)
+        if state.converged[0]:
+            engine._pull(F, state.displacement)
+            assert engine._factorize(engine._forces()[1], 0.0)[0][0], stretch
+            found += 1
+    assert found > 60
+
+
+@pytest.mark.parametrize("F", [np.diag([-1.0, 1.0, 1.0]), np.zeros((3, 3)), np.full((3, 3), np.nan)])
+def test_an_impossible_gradient_is_flagged_and_stops_no_other_path(network, F):
+    good = np.diag([1.1, 1.0, 0.95])
+    response = follow(Engine.of(network, LAW), np.array([[F, good], [good, good]]), 1.0)
+    np.testing.assert_array_equal(response.converged, [[False, False], [True, True]])
+    assert np.isnan(response.cauchy_stress[0]).all()
+    assert np.isfinite(response.cauchy_stress[1]).all()
+
+
+def test_no_paths_have_no_answers(network):
+    assert follow(Engine.of(network, LAW), np.empty((0, 3, 3, 3)), 1.0).converged.shape == (0, 3)
+
+
+def test_what_finds_no_equilibrium_at_rest_is_no_mechanism(network):
+    hasty = Engine.of(network, ExponentialFiber(2.5, rest_length=1.1), largest_number_of_iterations=2)
+    with pytest.raises(NetworkError, match="finds no equilibrium at rest"):
+        hasty.rest()

@@ -397,13 +397,13 @@ def test_table_2_sums_up_what_the_processes_counted(tmp_path):
     parts = json.dumps({"assembly": 1000.0, "factorisation": 500.0})
     inputs = {
         "networks": [written("n.nc", 7.2)],
-        # Half of the loads, one law of two, and a quarter of a job that refits four: what is left is in no row's total.
+        # Half of the loads and one law of two: what is left is beyond the method.
         "initial": [
             written("a.nc", 36.0),
             written("b.nc", 36.0),
             written("f.nc", 48.0, cpu_seconds_of_fits=json.dumps({fits_key(form, "set"): 30.0, "other": 12.0})),
         ],
-        "refit": [written("c.nc", 72.0, files_of_job=4)],
+        "refit": [written("c.nc", 18.0)],
         "hybrid": [written("d.nc", 9.0), written("e.nc", 9.0)],
         "multiscale": [written("multiscale.nc", 3600.0, cpu_seconds_of_parts=parts)],
     }

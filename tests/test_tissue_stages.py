@@ -290,7 +290,6 @@ def test_refit_curves_lead_each_network_as_its_element_went(study):
 def check_curves_of_elements(curves, mean, networks):
     assert [number for one in curves for number in one["network"].values.tolist()] == list(range(ELEMENTS))
     for one in curves:
-        assert one.attrs["files_of_job"] == 4
         assert one["deformation"].values.tolist() == ["tissue"]
         for index, number in enumerate(one["network"].values):
             found = one.isel(network=index, deformation=0)

@@ -66,9 +66,9 @@ def attributes(params: Mapping[str, Any]) -> dict[str, Any]:
     """Stage, config and its hash, code hash, seed, versions, machine, CPU seconds, peak memory in MB of a result.
 
     `params` holds `stage` (a module of fibrous.study or fibrous.figures), its part of the config as `config`,
-    `code_hash`, in a run of the workflow the whole config as `study_config`, which is recorded but not hashed, as
-    `cpu_seconds_before` what a process spent that this one goes on from, and as `files_of_job` how many results of the
-    kind come from this process, which is all counted in each. What a stage has `measured` stands beside all of that.
+    `code_hash`, in a run of the workflow the whole config as `study_config`, which is recorded but not hashed, and as
+    `cpu_seconds_before` what a process spent that this one goes on from. What a stage has `measured` stands beside all
+    of that.
     """
     config = params["config"]
     own, children = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
@@ -83,7 +83,6 @@ def attributes(params: Mapping[str, Any]) -> dict[str, Any]:
         "versions": json.dumps(versions()),
         "machine": machine(),
         "cpu_seconds": cpu_seconds() + params.get("cpu_seconds_before", 0.0),
-        "files_of_job": params.get("files_of_job", 1),
         **params.get("measured", {}),
         "peak_memory_MB": max(own.ru_maxrss, children.ru_maxrss) / kibibytes / 1024,
     }

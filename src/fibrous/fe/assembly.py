@@ -21,8 +21,8 @@ Index = NDArray[np.int64]
 # States of the blocks, apart: a state may be large, and is joined for those outside alone.
 States = tuple[State, ...]
 
-# Elements worked on at a time: their tangents, 5 kB per element, fit the second-level cache of a core, and arrays of the
-# states of networks are small enough for their memory to be used again.
+# Elements worked on at a time: their tangents, 5 kB per element, fit the second-level cache of a core, and the arrays
+# of states with networks are small enough for their memory to be used again.
 BLOCK = 64
 # Strain whose forces are as nothing: below it the residual is measured by the stiffness, no longer by the forces.
 SMALLEST_STRAIN = 1e-4

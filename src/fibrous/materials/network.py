@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -56,6 +57,12 @@ class NetworkState(NamedTuple):
     residual: Array
 
 
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    """Threads that stay, since each has a room of its own for what it solves."""
+    return ThreadPoolExecutor(threads)
+
+
 @dataclass(frozen=True)
 class FiberNetworks:
     """W = (1/V) Σ kA L w(λ) over the fibres of a network in equilibrium under F, one network per element (Eq. 4.1).
@@ -91,14 +98,16 @@ class FiberNetworks:
         scale: float,
         threads: int = 1,
         residual_tolerance: float = Engine.residual_tolerance,
+        largest_number_of_iterations: int = Engine.largest_number_of_iterations,
+        largest_number_of_cuts: int = Engine.largest_number_of_cuts,
         clock: Clock | None = None,
     ) -> Self:
-        """The material of one network per element, with a law for all or one for each; `clock` as of `Engine`."""
+        """The material of one network per element, with a law for all or one for each; the rest as of `Engine`."""
+        limits = residual_tolerance, largest_number_of_iterations, largest_number_of_cuts
         laws = [law] * len(networks) if isinstance(law, FiberLaw) else law
         clock = clock or Clock()
         engines = tuple(
-            Engine.of(network, own, residual_tolerance, clock=clock)
-            for network, own in zip(networks, laws, strict=True)
+            Engine.of(network, own, *limits, clock=clock) for network, own in zip(networks, laws, strict=True)
         )
         return cls(engines, scale, 1 + max(engine.size for engine in engines), threads)
 
@@ -136,6 +145,7 @@ class FiberNetworks:
             energies[e, q] = kernels.stored_energy(
                 engine.topology, engine.fibers, state.gradient[e], state.displacement[e], q
             )
+        energies[~(np.linalg.det(gradient) > 0.0)] = np.nan
         return self.scale * energies
 
     def node_position(self, state: NetworkState, element: int, point: int) -> Array:
@@ -220,9 +230,8 @@ class FiberNetworks:
         return P, A, new
 
     def _over_elements(self, function: Callable[[int], None]) -> None:
-        with ThreadPoolExecutor(self.threads) as pool:
-            for _ in pool.map(function, range(len(self.engines))):
-                pass
+        for _ in _pool(self.threads).map(function, range(len(self.engines))):
+            pass
 
     def _room(self, rate: Single | None = None) -> NetworkState:
         """A state to be filled, with rates that are there already or with new ones."""

@@ -24,6 +24,9 @@ from fibrous.networks.lanes import least, load, magnitude, spread, square_root, 
 Array = NDArray[np.float64]
 Index = NDArray[np.int32]
 
+# Pivots above this fraction of their diagonal element tell that a matrix near by is positive definite, too.
+STEADY = 0.01
+
 
 @dataclass(frozen=True)
 class Elimination:
@@ -161,9 +164,10 @@ def _give_all(starts: Index, rows: Index, place: Index, blocks: Array, leader: i
 
 @njit(nogil=True, error_model="numpy")
 def factorize(starts: Index, rows: Index, leaders: Index, blocks: Array, least_pivot: float, slack: Array) -> None:
-    """Cholesky factors in place of matrices, (blocks, 9, lanes); `slack`, (1, lanes), is above 0 where they exist.
+    """Cholesky factors in place of matrices, (blocks, 9, lanes); `slack`, (2, lanes), is above 0 where they exist.
 
-    They exist where every pivot is more than its fraction `least_pivot` of the diagonal element that it came from.
+    They exist where every pivot is more than its fraction `least_pivot` of the diagonal element that it came from. The
+    second row is above 0 where every pivot is more than the fraction STEADY.
     `factorize_reference` says the same in NumPy, for one matrix.
     """
     size = len(starts) - 1
@@ -172,11 +176,11 @@ def factorize(starts: Index, rows: Index, leaders: Index, blocks: Array, least_p
     # where a supernode ends.
     chain, following = np.full(size, -1), np.full(size, -1)
     left, ends = np.empty(size, dtype=np.int32), np.empty(size, dtype=np.int32)
-    room = spread(np.inf)
+    room, steady = spread(np.inf), spread(np.inf)
     for j in range(size):
         own, end, leader = starts[j], starts[j + 1], leaders[j]
         a00, a11, a22 = load(blocks, (own, 0)), load(blocks, (own, 4)), load(blocks, (own, 8))
-        a00, a11, a22 = least_pivot * magnitude(a00), least_pivot * magnitude(a11), least_pivot * magnitude(a22)
+        a00, a11, a22 = magnitude(a00), magnitude(a11), magnitude(a22)
         for b in range(own, end):
             place[rows[b]] = b
         k = chain[j]
@@ -191,15 +195,15 @@ def factorize(starts: Index, rows: Index, leaders: Index, blocks: Array, least_p
             k = after
         _give_all(starts, rows, place, blocks, leader, j, end - own)
         p0 = load(blocks, (own, 0))
-        room = least(p0 - a00, room)
+        room, steady = least(p0 - least_pivot * a00, room), least(p0 - STEADY * a00, steady)
         d0 = 1.0 / square_root(p0)
         l10, l20 = load(blocks, (own, 3)) * d0, load(blocks, (own, 6)) * d0
         p1 = load(blocks, (own, 4)) - l10 * l10
-        room = least(p1 - a11, room)
+        room, steady = least(p1 - least_pivot * a11, room), least(p1 - STEADY * a11, steady)
         d1 = 1.0 / square_root(p1)
         l21 = (load(blocks, (own, 7)) - l20 * l10) * d1
         p2 = load(blocks, (own, 8)) - l20 * l20 - l21 * l21
-        room = least(p2 - a22, room)
+        room, steady = least(p2 - least_pivot * a22, room), least(p2 - STEADY * a22, steady)
         d2 = 1.0 / square_root(p2)
         store(blocks, (own, 0), d0)
         store(blocks, (own, 3), l10)
@@ -221,6 +225,7 @@ def factorize(starts: Index, rows: Index, leaders: Index, blocks: Array, least_p
             following[leader] = chain[row]
             chain[row] = leader
     store(slack, (0,), room)
+    store(slack, (1,), steady)
 
 
 def factorize_reference(starts: Index, rows: Index, blocks: Array) -> Array:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import threading
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import NamedTuple, Self
 
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fibrous.clock import Clock
-from fibrous.errors import NetworkError
+from fibrous.errors import ConvergenceError, NetworkError
 from fibrous.networks import kernels
 from fibrous.networks.elimination import Elimination, factorize, solve
 from fibrous.networks.fiber_law import FiberLaw, Fibers
@@ -152,7 +153,7 @@ class Engine:
     nodes : its number of the node at each place of the order of elimination, shape (n,)
     topology, fibers : for compiled code
     residual_tolerance : ‖r‖ ≤ tolerance √n max(1, f_rms), with n interior nodes and forces in kA
-    largest_number_of_iterations : for one F
+    largest_number_of_iterations : of one attempt at an F; the lanes, and each part of the guard's way, are attempts
     largest_number_of_cuts : how often the guard halves the way to an F before it is given up
     clock : counts CPU seconds of forces and Hessians (`assembly`), of the `factorisation` with the solution for a move,
         and of the `condensation` with the rates
@@ -218,10 +219,10 @@ class Engine:
     def relax(self, F: Array, u: Array, quick: bool = False, least_pivot: float = 0.0) -> Relaxed:
         """Bring the lanes to equilibrium at F, shape (3, 3, 8), from predictions u, (≥ n + 1, 3, 8), in place.
 
-        A lane converges where its residual is within tolerance and its Hessian positive definite, there or where the
-        last factor was made if the last step shrank the residual to a hundredth, which it could not beside a direction
-        of negative stiffness. Every pivot must be more than its fraction `least_pivot` of the diagonal element that it
-        came from. Forces and factor stay in the room.
+        A lane converges where its residual is within tolerance and its Hessian positive definite. A new factor tells,
+        or the last one if all of its pivots are more than a hundredth of their diagonal elements and the last step
+        shrank the residual to a hundredth, so that the two Hessians are nearly the same. Every pivot must be more than its
+        fraction `least_pivot` of the diagonal element that it came from. Forces and factor stay in the room.
 
         The `quick` way is for predictions that are nearly right: a lane is stuck at the first sign of trouble, which is
         a Hessian that is not positive definite, or a step that is long or leaves more than half of the residual.
@@ -256,17 +257,20 @@ class Engine:
         for q in np.flatnonzero(~relaxed.converged):
             start = np.zeros((self.size + 1, 3))
             start[place] = from_u[: self.size, :, q]
-            state = guard.equilibrium(F[..., q], guard.state(from_F[..., q], start))
-            steps[q] += state.iterations
-            cuts[q] += state.cuts
-            indefinite[q] += state.indefinite
-            if state.converged:
+            state = None
+            with suppress(ConvergenceError):  # the equilibrium that it came from is none by the guard's own factor
+                state = guard.equilibrium(F[..., q], guard.state(from_F[..., q], start))
+                steps[q] += state.iterations
+                cuts[q] += state.cuts
+                indefinite[q] += state.indefinite
+            if state is not None and state.converged:
                 status[q] = CONVERGED
                 u[: self.size, :, q] = state.point.displacement[place]
             else:
                 goal[..., q], u[: self.size, :, q] = from_F[..., q], from_u[: self.size, :, q]
         again = self.relax(goal, u)
         status[~again.converged] = STUCK
+        u[: self.size] = np.where(status == CONVERGED, u[: self.size], from_u[: self.size])
         return Relaxed(status, steps + again.steps, cuts, indefinite, again.residual, direct)
 
     def rest(self) -> PathState:
@@ -275,6 +279,14 @@ class Engine:
         u = np.zeros((self.size + 1, 3, LANES))
         relaxed = self.relax(F, u, least_pivot=SINGULAR)
         if not relaxed.converged.all():
+            self._pull(F, np.zeros_like(u))
+            d, stiffness = self._forces()
+            kernels.soften(d, stiffness, np.ones((1, LANES)), stiffness)
+            if self._factorize(stiffness, SINGULAR)[0].all():
+                raise NetworkError(
+                    "the network finds no equilibrium at rest: let the fibers' rest lengths differ less from 1, or allow "
+                    "more iterations and a larger residual"
+                )
             raise NetworkError(
                 "the network is a mechanism at rest: some nodes move without stretching a fiber, so it has no stable "
                 "equilibrium; join more fibers at them (a node needs three out of one plane at the least)"
@@ -282,12 +294,14 @@ class Engine:
         nothing = np.zeros(LANES, dtype=np.int64)
         no = np.zeros(LANES, dtype=bool)
         factored = room().factored
-        state = PathState(F, u, factored, F, u, np.zeros_like(u), no, ~no, relaxed.steps, nothing, nothing)
+        state = PathState(F, u, factored, F, u, np.zeros_like(u), no, ~no, relaxed.steps, nothing, relaxed.indefinite)
         room().holds = state
         return state
 
     def advance(self, state: PathState, F: Array) -> PathState:
-        """The lanes at F, shape (3, 3, 8), from a state; those that were lost before stay where they are.
+        """The lanes at F, shape (3, 3, 8), from a state; those lost before stay where they are.
+
+        A lane whose F has no positive determinant is lost.
 
         Each starts from the tangent's prediction or the cubic through the last two equilibria and their rates:
         whichever leaves the smaller residual. Forces and factor stay in the room.
@@ -297,10 +311,12 @@ class Engine:
             self._pull(state.gradient, state.factored)
             self._factorize(self._forces()[1], 0.0)
             self._pull(state.gradient, state.displacement)
-        F = np.where(state.converged, F, state.gradient)
+        with np.errstate(invalid="ignore"):
+            possible = np.linalg.det(np.moveaxis(F, -1, 0)) > 0.0
+        F = np.where(state.converged & possible, F, state.gradient)
         forward, u = self._predicted(state, F)
         relaxed = self.reach(F, u, state.gradient, state.displacement)
-        converged = state.converged & relaxed.converged
+        converged = state.converged & possible & relaxed.converged
         lost = ~state.converged
         counts = (np.where(lost, 0, values) for values in (relaxed.steps, relaxed.cuts, relaxed.indefinite))
         rate = np.zeros_like(u)
@@ -404,14 +420,17 @@ class Engine:
         count = len(self.fibers.rest_lengths)
         return np.sqrt(sums[0]), np.sqrt(self.size) * np.maximum(1.0, np.sqrt(sums[1] / count))
 
-    def _factorize(self, stiffness: Array, least_pivot: float) -> Mask:
-        """The factors of Hessians with the fibres' blocks into the room; in which lanes they are positive definite."""
-        factor, slack = self._factor(), np.empty((1, LANES))
+    def _factorize(self, stiffness: Array, least_pivot: float) -> tuple[Mask, Mask]:
+        """The factors of Hessians with the fibres' blocks into the room.
+
+        Returns in which lanes they are positive definite, and in which by so much that those near by are, too.
+        """
+        factor, slack = self._factor(), np.empty((2, LANES))
         with self.clock.of(ASSEMBLY):
             kernels.assemble(self.topology, self._forces()[0], stiffness, factor)
         with self.clock.of(FACTORISATION):
             factorize(*self.topology[-3:], factor, least_pivot, slack)
-        return slack[0] > 0.0
+        return slack[0] > 0.0, slack[1] > 0.0
 
     def _forces(self) -> tuple[Array, Array]:
         """End-to-end vectors, shape (fibers, 3, 8), and stiffness of the fibres, (fibers, 2, 8), in the room."""
@@ -432,6 +451,8 @@ class _Relaxation:
         self.indefinite = np.zeros(LANES, dtype=np.int64)
         #: Whether the factor in the room is that of a Hessian as it is, with nothing left out.
         self.definite = np.zeros(LANES, dtype=bool)
+        #: Whether that Hessian is so by enough for those near by; whether the step at hand began at a definite one.
+        self.steady, self.sound = self.definite.copy(), self.definite.copy()
         #: Where each lane's step began, its full length, what is taken of it, its slope, and whether it is being tried.
         self.start = room().array("start", engine.size, 3)
         self.move = room().array("move", engine.size, 3)
@@ -455,7 +476,7 @@ class _Relaxation:
                 ready = (status == RUNNING) & ~self.trying
                 status[ready & (~np.isfinite(norm + bound) | ((self.steps == self._limit) & ~good))] = STUCK
                 shrunk = norm / before
-                status[ready & good & self.definite & (self.quick | (shrunk <= SHARP))] = CONVERGED
+                status[ready & good & self.definite & self.steady & (shrunk <= SHARP)] = CONVERGED
                 reusable = self.definite & (shrunk <= SHARP) & (norm * shrunk**REUSED <= bound)
                 ready &= status == RUNNING
                 # Lanes in balance wait for the others: one factor tells of all whether they are stable.
@@ -496,7 +517,7 @@ class _Relaxation:
         engine, slope = self.engine, np.empty((1, LANES))
         kernels.dot(engine.size, self.move, room().array("residual", engine.size + 1, 3), slope)
         flat = good | (np.abs(slope[0]) <= FLAT * np.abs(self.slope[0]))
-        accepted = trying & finite & self.definite & flat
+        accepted = trying & finite & self.sound & flat
         doubtful = trying & ~accepted
         if doubtful.any():
             refused = doubtful.copy()
@@ -523,7 +544,7 @@ class _Relaxation:
     def _factorize(self, ready: Mask, good: Mask) -> None:
         """Factors of all lanes, with negative tension left out where it must be; `good` lanes are in balance."""
         engine, status = self.engine, self.status
-        self.definite = engine._factorize(engine._forces()[1], self.least_pivot)
+        self.definite, self.steady = engine._factorize(engine._forces()[1], self.least_pivot)
         if not self.quick:
             room().factored = self.u.copy()
         self.indefinite += ready & ~self.definite
@@ -547,7 +568,7 @@ class _Relaxation:
         kernels.spread_lane(q, stiffness, blocks)
         kernels.spread_lane(q, space.array("residual", engine.size + 1, 3), right[:, :, 0])
         kernels.soften(vectors, blocks, np.minimum(FIRST_SHARE * 3.0 ** np.arange(LANES), 1.0)[None], softened)
-        factor, slack = space.array("lane's factor", len(engine.topology.rows), 9), np.empty((1, LANES))
+        factor, slack = space.array("lane's factor", len(engine.topology.rows), 9), np.empty((2, LANES))
         with engine.clock.of(ASSEMBLY):
             kernels.assemble(engine.topology, vectors, softened, factor)
         with engine.clock.of(FACTORISATION):
@@ -573,6 +594,7 @@ class _Relaxation:
             self.status[ready & (np.abs(right).max(axis=(0, 1, 2)) > LARGEST_MOVE)] = STUCK
         moving = ready[None].astype(float)
         kernels.begin_step(residual, right, moving, LARGEST_MOVE, self.u, self.start, self.move, self.slope)
+        self.sound = np.where(ready, self.definite, self.sound)
         self.fraction[ready] = 1.0
         self.start_energy = np.where(ready, np.nan, self.start_energy)
         self.steps += ready

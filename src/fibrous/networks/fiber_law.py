@@ -58,6 +58,8 @@ class Fibers(NamedTuple):
 # misses.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 LONGEST_INTERVAL = 1.0
+# A fibre at rest counts as stretched, whatever rounding makes of its length.
+SLACK = 1e-12
 
 
 @njit(nogil=True, error_model="numpy")
@@ -90,7 +92,7 @@ def _exponential_energy(stretch, nonlinearity, linear_beyond):  # type: ignore[n
 def _buckling(stretch, compressive, unused):  # type: ignore[no-untyped-def]
     """f and df/dλ of a linear fibre with another stiffness in compression."""
     strain = stretch - 1.0
-    stiffness = choose(stretch, 1.0, compressive, 1.0)
+    stiffness = choose(stretch, 1.0 - SLACK, compressive, 1.0)
     return stiffness * strain, stiffness
 
 

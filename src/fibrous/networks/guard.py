@@ -138,7 +138,8 @@ class EquilibriumSolver:
         point = self.assembly.evaluate(np.eye(3), np.zeros((self.assembly.size + 1, 3)))
         diagonal = self.assembly.hessian(point)[0].copy()
         factor = self.assembly.factor(point)
-        if factor is None or (factor[0] ** 2 < SINGULAR * diagonal).any():
+        free_of_stress = _norm(point) <= self.residual_tolerance * np.sqrt(self.assembly.size) * point.force_scale
+        if free_of_stress and (factor is None or (factor[0] ** 2 < SINGULAR * diagonal).any()):
             raise NetworkError(
                 "the network is a mechanism at rest: some nodes move without stretching a fiber, so it has no stable "
                 "equilibrium; join more fibers at them (a node needs three out of one plane at the least)"

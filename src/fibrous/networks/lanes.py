@@ -2,7 +2,7 @@
 
 The last axis of an array of lanes has length 8 and is contiguous; `load` and `store` move what stands at the other
 indices. A processor's vector unit works on all eight at once, and none of them knows of the others: a NaN stays in its
-lane, and a lane's bits do not depend on what the others hold.
+lane.
 """
 
 from __future__ import annotations

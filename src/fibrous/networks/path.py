@@ -70,7 +70,7 @@ def follow(engine: Engine, gradients: Array, scale: float, tangent: bool = False
     """
     gradients = np.asarray(gradients, dtype=float)
     paths = len(gradients)
-    parts = np.array_split(np.arange(paths), -(-paths // LANES))
+    parts = np.array_split(np.arange(paths), max(1, -(-paths // LANES)))
     collected = [_followed(engine, gradients[part], scale, tangent, geometry) for part in parts]
     names = collected[0]
     return Response(**{name: np.concatenate([part[name] for part in collected]) for name in names})
@@ -103,7 +103,8 @@ def _followed(engine: Engine, gradients: Array, scale: float, tangent: bool, geo
         F = gradients[:, step]
         fields["strain_energy_density"][known, step] = W[known]
         fields["first_piola_kirchhoff_stress"][known, step] = P[known]
-        sigma = P @ F.swapaxes(-1, -2) / np.linalg.det(F)[:, None, None]
+        with np.errstate(all="ignore"):  # an F without a determinant has no stress, and is not known
+            sigma = P @ F.swapaxes(-1, -2) / np.linalg.det(F)[:, None, None]
         fields["cauchy_stress"][known, step] = sigma[known]
         fields["orientation_tensor"][known, step] = h[known]
         for name, values in (

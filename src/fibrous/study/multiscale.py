@@ -125,8 +125,8 @@ def _stepper(
         fiber_law(dataset),
         scale_of(dataset),
         threads,
-        config["equilibrium"]["residual_tolerance"],
-        clock,
+        **config["equilibrium"],
+        clock=clock,
     )
     matrix = NeoHookean(config["matrix"]["C1_MPa"], config["matrix"]["lame_lambda_MPa"])
     stepper = LoadStepper.of(

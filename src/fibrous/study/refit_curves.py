@@ -44,4 +44,4 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
 
     curves = curves_of(loaded_networks(inputs["networks"][0], params["config"]["equilibrium"], paths))
     for run in runs:
-        write_curves(replace(curves.under([run]), loads=(LOAD,)), outputs[run], {**params, "files_of_job": len(runs)})
+        write_curves(replace(curves.under([run]), loads=(LOAD,)), outputs[run], params)

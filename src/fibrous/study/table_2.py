@@ -34,14 +34,14 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
 
     The inputs are `networks`, `initial`, `refit`, `hybrid` and `multiscale`. The config names the `reference` run, the
     `model` whose fits count with its `load_set`, and the `loads_used`, the fraction of the initial loads that belong to
-    that set. A job that drives the networks as several runs went counts for each of them alike. Raises DatasetError for
-    an unreadable file.
+    that set. The job that drives the networks as all refitted runs went counts whole: in lanes of its own each, the one
+    run that the method needs costs as much. Raises DatasetError for an unreadable file.
     """
     config = params["config"]
     found = {name: [datasets.provenance_of(path) for path in paths] for name, paths in inputs.items()}
-    hours = {name: sum(_seconds(one) for one in files) / 3600.0 for name, files in found.items()}
+    hours = {name: sum(float(one["cpu_seconds"]) for one in files) / 3600.0 for name, files in found.items()}
     wanted = {name: fits_key(config["model"], group) for name, group in _groups(config).items()}
-    curves = sum(_seconds(one) for one in found["initial"] if FITS not in one)
+    curves = sum(float(one["cpu_seconds"]) for one in found["initial"] if FITS not in one)
     beyond = {
         "initial": (1.0 - config["loads_used"]) * curves
         + sum(_others(one, wanted["initial"]) for one in found["initial"]),
@@ -71,11 +71,6 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     parts.insert(0, "specimen", specimen)
     datasets.write_table(table, outputs["table_2"], params)
     datasets.write_table(parts, outputs["parts"], params)
-
-
-def _seconds(one: Mapping[str, Any]) -> float:
-    """CPU seconds of a file: those of its process, divided among the files of the kind that come from it."""
-    return float(one["cpu_seconds"]) / float(one.get("files_of_job", 1))
 
 
 def _groups(config: Mapping[str, Any]) -> dict[str, str]:

@@ -187,7 +187,7 @@ TISSUE_STAGES: dict[str, Stage] = {
             "model": plan.run_called(config, wildcards["run"]).model,
             "matrix": config["matrix"],
             "linear_solver": config["tissue"]["linear_solver"],
-            "equilibrium": {"residual_tolerance": config["equilibrium"]["residual_tolerance"]},
+            "equilibrium": config["equilibrium"],
         },
         instances=lambda config: _instances(_with_networks(config)),
     ),
