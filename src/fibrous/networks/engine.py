@@ -221,8 +221,8 @@ class Engine:
 
         A lane converges where its residual is within tolerance and its Hessian positive definite. A new factor tells,
         or the last one if all of its pivots are more than a hundredth of their diagonal elements and the last step
-        shrank the residual to a hundredth, so that the two Hessians are nearly the same. Every pivot must be more than its
-        fraction `least_pivot` of the diagonal element that it came from. Forces and factor stay in the room.
+        shrank the residual to a hundredth, so that the two Hessians are nearly the same. Every pivot must be more than
+        its fraction `least_pivot` of the diagonal element that it came from. Forces and factor stay in the room.
 
         The `quick` way is for predictions that are nearly right: a lane is stuck at the first sign of trouble, which is
         a Hessian that is not positive definite, or a step that is long or leaves more than half of the residual.
@@ -284,8 +284,8 @@ class Engine:
             kernels.soften(d, stiffness, np.ones((1, LANES)), stiffness)
             if self._factorize(stiffness, SINGULAR)[0].all():
                 raise NetworkError(
-                    "the network finds no equilibrium at rest: let the fibers' rest lengths differ less from 1, or allow "
-                    "more iterations and a larger residual"
+                    "the network finds no equilibrium at rest: let the fibers' rest lengths differ less from 1, or "
+                    "allow more iterations and a larger residual"
                 )
             raise NetworkError(
                 "the network is a mechanism at rest: some nodes move without stretching a fiber, so it has no stable "
