@@ -215,6 +215,8 @@ def test_the_file_holds_every_gauss_point_and_their_mean(tissue):
     response = respond(EquilibriumSolver.of(NETWORKS[ORDER[2]], ExponentialFiber(B)), mean, SCALE)
     np.testing.assert_allclose(along["cauchy_stress"], response.cauchy_stress, atol=1e-12)
     np.testing.assert_allclose(along["orientation_tensor"], response.orientation_tensor, atol=1e-10)
+    green = 0.5 * (along["fiber_stretch"].values ** 2 - 1.0)
+    np.testing.assert_allclose(along["fiber_stress"], MODULUS / B * np.expm1(B * green), rtol=1e-10, atol=1e-13)
     np.testing.assert_array_equal(states["node_position"].sel(path="3", step=0), NETWORKS[ORDER[2]].node_position)
     np.testing.assert_array_equal(states["fiber_nodes"], NETWORKS[ORDER[2]].fiber_nodes)
 

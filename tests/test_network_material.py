@@ -19,6 +19,7 @@ from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.materials.network import FiberNetworks
 from fibrous.networks.banded import Assembly
+from fibrous.networks.engine import Engine
 from fibrous.networks.fiber_law import ExponentialFiber
 from fibrous.networks.guard import EquilibriumSolver
 from fibrous.networks.network import Network
@@ -128,16 +129,26 @@ def test_an_error_of_rates_from_nearby_enters_the_tangent_squared():
     assert ((ratios > 3.5) & (ratios < 4.5)).all(), ratios
 
 
-def test_trials_keep_the_rates_of_nearby_unless_their_way_is_the_guards(states):
+def test_trials_keep_the_rates_of_nearby_unless_their_way_is_not_the_quick_one(states, monkeypatch):
     """Long ways, of which some are not gone quickly: there the rates are those of the state that is reached."""
     law, before = material(), states[2][2]
     near = law(PATH[4], before)[2]
     close = law(PATH[4] + 1e-4, before, near)[2]
     assert same_bits([close.rate], [near.rate])
     kept = near.rate.copy()
-    _, A, far = law(PATH[8], before, near)
+    direct, reach = [], Engine.reach
+
+    def reached(self, *arguments, **options):
+        found = reach(self, *arguments, **options)
+        direct.append(found.direct)
+        return found
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Engine, "reach", reached)
+        _, A, far = law(PATH[8], before, near)
     np.testing.assert_array_equal(near.rate, kept)
     same = (far.rate == near.rate).all(axis=(1, 2, 3))
+    np.testing.assert_array_equal(same, direct)
     assert 0 < same.sum() < same.size
     rates = np.zeros_like(far.rate)
     for e, engine in enumerate(law.engines):
