@@ -81,9 +81,9 @@ MUTATIONS = [
     Mutation(
         "side on which a fibre buckles",
         "networks/fiber_law.py",
-        "choose(stretch, 1.0, compressive, 1.0)",
-        "choose(0.0 - stretch, -1.0, compressive, 1.0)",
-        "test_fiber_law.py",
+        "choose(stretch, 1.0 - SLACK, compressive, 1.0)",
+        "choose(stretch, 1.0 + SLACK, compressive, 1.0)",
+        "test_engine.py",
     ),
     Mutation(
         "energy of a fibre that buckles",
@@ -445,8 +445,8 @@ MUTATIONS = [
     Mutation(
         "states whose stability the last factor tells",
         "networks/engine.py",
-        "(self.quick | (shrunk <= SHARP))",
-        "(self.quick | (shrunk >= SHARP))",
+        "self.steady & (shrunk <= SHARP)",
+        "~self.steady & (shrunk <= SHARP)",
         "test_engine.py",
     ),
     Mutation(
@@ -480,15 +480,15 @@ MUTATIONS = [
     Mutation(
         "lost lanes that are left alone",
         "networks/engine.py",
-        "F = np.where(state.converged, F, state.gradient)",
-        "F = np.where(~state.converged, F, state.gradient)",
+        "F = np.where(state.converged & possible, F, state.gradient)",
+        "F = np.where(state.converged | possible, F, state.gradient)",
         "test_engine.py",
     ),
     Mutation(
         "lanes that stay lost",
         "networks/engine.py",
-        "converged = state.converged & relaxed.converged",
-        "converged = state.converged | relaxed.converged",
+        "converged = state.converged & possible & relaxed.converged",
+        "converged = state.converged | possible & relaxed.converged",
         "test_engine.py",
     ),
     Mutation(
@@ -634,8 +634,8 @@ MUTATIONS = [
     Mutation(
         "definiteness of eight Hessians",
         "networks/elimination.py",
-        "room = least(p2 - a22, room)",
-        "room = least(p2 + a22, room)",
+        "least(p2 - least_pivot * a22, room)",
+        "least(p2 + least_pivot * a22, room)",
         "test_elimination.py",
     ),
     Mutation(
@@ -790,13 +790,6 @@ MUTATIONS = [
         "study/table_2.py",
         "spent / hybrid",
         "hybrid / spent",
-        "test_multiscale_stage.py",
-    ),
-    Mutation(
-        "files that come from one process",
-        "study/table_2.py",
-        'float(one["cpu_seconds"]) / float(',
-        'float(one["cpu_seconds"]) * float(',
         "test_multiscale_stage.py",
     ),
     Mutation(
@@ -1096,7 +1089,7 @@ MUTATIONS = [
     Mutation(
         "steps that the errors compare",
         "study/case_study.py",
-        'compared = used & (path["step"].values > 0)',
+        "compared = used & (np.arange(len(used)) > 0)",
         "compared = used",
         "test_case_study.py",
     ),
@@ -1250,8 +1243,8 @@ MUTATIONS = [
     Mutation(
         "states along the path in which a law is judged",
         "sensitivity/trial.py",
-        "found = np.isfinite(path.strain_energy_density[0])",
-        "found = ~np.isfinite(path.strain_energy_density[0])",
+        "used = path.converged[0, 0]",
+        "used = ~path.converged[0, 0]",
         "test_sensitivity.py",
     ),
     Mutation(

@@ -471,7 +471,7 @@ def symmetric_chain(section: float) -> tuple[Network, ExponentialFiber]:
 
 
 def test_no_state_is_accepted_whose_hessian_is_indefinite():
-    """Near the load at which the chain buckles Newton's steps stay on the axis, and shrink the residual all the same."""
+    """Near the load at which the chain buckles Newton's steps stay on the axis, and shrink the residual even so."""
     network, law = symmetric_chain(0.1)
     engine, found = Engine.of(network, law), 0
     for stretch in [*np.linspace(0.90, 0.96, 121), 0.9327150003860285]:
