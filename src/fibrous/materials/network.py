@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fibrous.clock import Clock
-from fibrous.errors import ConvergenceError, naming
+from fibrous.errors import ConvergenceError, FibrousError, naming
 from fibrous.materials.contract import MaterialError, State
 from fibrous.networks import kernels
 from fibrous.networks.engine import CONVERGED, Engine
@@ -208,13 +208,11 @@ class FiberNetworks:
                 engine.rates(rate, ~found.direct, exact=True)
                 guarded[e] = rate
             P[e], A[e] = engine.condense(rate)
-
-        def bend(e: int) -> None:
             if still[e]:
                 new.increment[e], new.bend[e] = before.increment[e], before.bend[e]
                 return
-            here, there = ((one.gradient[e], one.displacement[e], one.rate[e]) for one in (new, before))
-            kernels.find_bend(self.engines[e].size, *here, *there, new.bend[e])
+            there = before.gradient[e], before.displacement[e], before.rate[e]
+            kernels.find_bend(engine.size, F[e], u, rate, *there, new.bend[e])
 
         self._over_elements(element)
         if guarded:
@@ -223,15 +221,26 @@ class FiberNetworks:
                 new.rate[e] = rate
         for values in (P, A):
             np.moveaxis(values, -1, 1)[inverted] = np.nan
-        self._over_elements(bend)
         for name in ("iterations", "cuts", "indefinite"):
             total = getattr(new, name)
             total += getattr(start, name)
         return P, A, new
 
     def _over_elements(self, function: Callable[[int], None]) -> None:
-        for _ in _pool(self.threads).map(function, range(len(self.engines))):
+        """Each thread takes the next element; of several errors the first element's is raised, whatever the threads."""
+        waiting, errors = iter(range(len(self.engines))), dict[int, FibrousError]()
+
+        def work(_: int) -> None:
+            for e in waiting:
+                try:
+                    function(e)
+                except FibrousError as error:
+                    errors[e] = error
+
+        for _ in _pool(self.threads).map(work, range(self.threads)):
             pass
+        if errors:
+            raise errors[min(errors)]
 
     def _room(self, rate: Single | None = None) -> NetworkState:
         """A state to be filled, with rates that are there already or with new ones."""
