@@ -298,7 +298,7 @@ def test_a_command_does_not_grow_with_the_number_of_batches(tmp_path):
 
 
 def test_the_costs_of_very_many_jobs_are_summed_up(tmp_path):
-    config = written(tmp_path, many_batches(200))
+    config = written(tmp_path, many_batches(320))
     costs = Params(loaded(config)).with_files("stage_costs", {})
     empty = xr.Dataset(attrs={"cpu_seconds": 2.0, "peak_memory_MB": 1.0, "machine": "m", "versions": "{}"})
     content = bytes(empty.to_netcdf(engine="netcdf4"))
