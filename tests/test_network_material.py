@@ -20,7 +20,7 @@ from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.materials.network import FiberNetworks
 from fibrous.networks.banded import Assembly
 from fibrous.networks.engine import Engine
-from fibrous.networks.fiber_law import ExponentialFiber
+from fibrous.networks.fiber_law import BucklingFiber, ExponentialFiber
 from fibrous.networks.guard import EquilibriumSolver
 from fibrous.networks.network import Network
 from fibrous.networks.path import stress_scale
@@ -414,3 +414,19 @@ def test_a_network_that_fails_in_a_trial_cuts_the_step_and_leaves_the_state(monk
     np.testing.assert_allclose(solution.displacement, free.displacement, atol=1e-7)
     with pytest.raises(LoadStepError, match="element 0, Gauss point 0: its network finds no stable equilibrium"):
         LoadStepper.of(mesh, tissue_of(networks), prescribed, smallest_increment=0.9).follow(prescribed.values)
+
+
+def test_another_fiber_law_runs_in_finite_elements():
+    """Fibres that buckle: the stress of every Gauss point is that of its network alone."""
+    law, mesh = BucklingFiber(0.3), box((2, 1, 1))
+    prescribed = stretched_box(mesh, [0.06, 0.12])
+    fibers = FiberNetworks.of(NETWORKS[:2], law, SCALE)
+    stepper = LoadStepper.of(mesh, Mixture((NeoHookean(0.025, 0.417), fibers)), prescribed)
+    solution = stepper.follow(prescribed.values)
+    assert solution.converged.all()
+    gradients = stepper.assembly.deformation_gradient(solution.displacement[-1])
+    P = fibers(gradients, solution.state[1])[0]
+    for e, q in np.ndindex(2, 8):
+        path = np.stack([np.eye(3), *solution.deformation_gradient[:, e, q]])
+        expected = respond(EquilibriumSolver.of(NETWORKS[e], law), path, SCALE).first_piola_kirchhoff_stress[-1]
+        np.testing.assert_allclose(P[e, q], expected, atol=1e-9 * np.abs(expected).max())
