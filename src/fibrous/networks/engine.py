@@ -547,6 +547,8 @@ class _Relaxation:
         self.definite, self.steady = engine._factorize(engine._forces()[1], self.least_pivot)
         if not self.quick:
             room().factored = self.u.copy()
+        # What was factorised of a lane in the midst of a step is a point that it has left, and tells nothing of it.
+        self.definite &= ~self.trying
         self.indefinite += ready & ~self.definite
         status[ready & good & self.definite] = CONVERGED
         # What was believed to be stable may turn out not to be.
