@@ -1,7 +1,7 @@
 # The study of one paper, from random fibres to tissue. `snakemake -j2` runs all of it, `snakemake -j2 figure_3` what one
 # figure needs; other targets: networks, curves, fits, table_1, specimen, tissue, case_study, figure_2, figure_4 to figure_9,
 # figure_specimen, comparison, figure_comparison, table_2, claims, report, microstructure, sensitivity.
-# Which part of the config a stage depends on, and which files it reads and writes: src/fibrous/study/stages.py.
+# Which part of the config a stage depends on, and which files it reads and writes: src/fibrous_study/stages.py.
 
 from snakemake.utils import min_version
 

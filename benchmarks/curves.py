@@ -27,25 +27,25 @@ from scipy.linalg import lapack
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-from fibrous import datasets
 from fibrous.networks.banded import Assembly
 from fibrous.networks.engine import Engine
 from fibrous.networks.fiber_law import ExponentialFiber
 from fibrous.networks.path import follow
-from fibrous.provenance import code_hash
-from fibrous.study.loading import fiber_law, scale_of, unpacked
+from fibrous_study import datasets
+from fibrous_study.loading import fiber_law, scale_of, unpacked
+from fibrous_study.provenance import code_hash
 
 ROOT = Path(__file__).resolve().parent.parent
 
 
 def run_stage(stage: str, config: dict, inputs: list[Path], output: Path) -> float:
     """Run a stage as a rule does; CPU seconds of its process."""
-    params = {"stage": f"fibrous.study.{stage}", "config": config, "code_hash": code_hash(f"fibrous.study.{stage}")}
+    params = {"stage": f"fibrous_study.{stage}", "config": config, "code_hash": code_hash(f"fibrous_study.{stage}")}
     files = {"inputs": {"networks": [str(path) for path in inputs]}, "outputs": {stage: str(output)}}
     job, whole = output.with_suffix(".job.json"), output.with_suffix(".config.json")
     job.write_text(json.dumps({**params, **files}), encoding="utf-8")
     whole.write_text("{}", encoding="utf-8")
-    command = [sys.executable, "-m", "fibrous.study.job", str(job), "--config", str(whole)]
+    command = [sys.executable, "-m", "fibrous_study.job", str(job), "--config", str(whole)]
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run(command, check=True, capture_output=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)

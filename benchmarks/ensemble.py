@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from fibrous import datasets
 from fibrous.networks.network import structure_tensor
-from fibrous.study.loading import unpacked
+from fibrous_study import datasets
+from fibrous_study.loading import unpacked
 
 
 def main() -> None:

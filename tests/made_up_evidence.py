@@ -8,13 +8,13 @@ from collections.abc import Mapping
 import numpy as np
 import yaml
 
-from fibrous.audit.evidence import Constants, Fits
-from fibrous.audit.finding import Finding, Thresholds, Verdict
 from fibrous.curves import Curves
 from fibrous.deformation import Load, averaged_stretch, load_path, matching_magnitude
 from fibrous.fitting.hgo import strain_energy
-from fibrous.study.claims import statement_of
-from fibrous.study.configuration import CLAIMS, loaded
+from fibrous_study.audit.evidence import Constants, Fits
+from fibrous_study.audit.finding import Finding, Thresholds, Verdict
+from fibrous_study.configuration import CLAIMS, loaded
+from fibrous_study.steps.claims import statement_of
 
 REPRODUCED, PARTLY, NOT, CONTRADICTED, UNKNOWN = Verdict
 TALLIED = yaml.safe_load(CLAIMS.read_text(encoding="utf-8"))

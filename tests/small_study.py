@@ -12,13 +12,12 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from fibrous import datasets
 from fibrous.networks.network import Network
 from fibrous.specimen import FiberField, RigidMotion, Slab, Specimen, synthetic_specimen
-from fibrous.study import plan
-from fibrous.study.configuration import loaded
-from fibrous.study.loading import unpacked
-from fibrous.study.stages import STAGES, stage_params
+from fibrous_study import datasets, plan
+from fibrous_study.configuration import loaded
+from fibrous_study.loading import unpacked
+from fibrous_study.stages import STAGES, stage_params
 
 ELEMENTS = 12
 SPECIMEN_FILE = "results/tissue/specimen.nc"
@@ -85,7 +84,7 @@ class Study:
             self.run("networks", ensemble="tissue", batch=batch)
         self.write_fits("section_2_6", made_up_fits("section_3_1", "all"))
         self.write_fits("refit_hgo", made_up_fits("single", "tissue", factor=1.5))
-        datasets.place((resources.files("fibrous") / "data/surface.nc").read_bytes(), self.folder / SURFACE_FILE)
+        datasets.place((resources.files("fibrous_study") / "data/surface.nc").read_bytes(), self.folder / SURFACE_FILE)
         for run in ("matrix", "hgo", "hgo_refit"):
             self.run("tissue", run=run)
         return self

@@ -1,4 +1,4 @@
-"""Made-up inputs of the figures that follow the declarations of fibrous.datasets: affine networks, not physics."""
+"""Made-up inputs of the figures that are declared in fibrous_study.datasets: affine networks, not physics."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import pandas as pd
 import xarray as xr
 from scipy.spatial import Delaunay
 
-from fibrous import curve_datasets
 from fibrous.curves import Curves
-from fibrous.datasets import ATTRIBUTES, NETWORKS, STATES, SURFACE, packed, read, write, write_table
 from fibrous.deformation import Load, averaged_stretch, load_path, matching_magnitude
 from fibrous.fitting.hgo import strain_energy
 from fibrous.fitting.surface import LABELS, evaluate
+from fibrous_study import curve_datasets
+from fibrous_study.datasets import ATTRIBUTES, NETWORKS, STATES, SURFACE, packed, read, write, write_table
 
 LOADS = ("x_uniaxial", "xy_biaxial", "xz_biaxial", "xy_shear", "xz_shear", "yz_shear")
 LOAD_SETS = [
@@ -40,7 +40,7 @@ LOST_LOAD = "xz_shear"
 
 def params(figure: int | str, **config: Any) -> dict[str, Any]:
     name = figure if isinstance(figure, str) else f"figure_{figure}"
-    return {"stage": f"fibrous.figures.{name}", "config": config, "code_hash": "0" * 16}
+    return {"stage": f"fibrous_study.figures.{name}", "config": config, "code_hash": "0" * 16}
 
 
 def structure_tensors() -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Made-up inputs of the tissue's figures that follow the declarations of fibrous.datasets: smooth, but not physics."""
+"""Made-up inputs of the tissue's figures declared as in fibrous_study.datasets: smooth, but not physics."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from synthetic import params
 
-from fibrous.datasets import SPECIMEN, TISSUE, packed, write, write_table
 from fibrous.specimen import FiberField, RigidMotion, Slab, synthetic_specimen
+from fibrous_study.datasets import SPECIMEN, TISSUE, packed, write, write_table
 
 STEPS = 2
 RUNS = {"hgo": 1.0, "hgo_refit": 0.8}  # how far the run moves the nodes

@@ -9,8 +9,8 @@ import yaml
 from snakemake.api import SnakemakeApi
 from snakemake.settings.types import ConfigSettings, DAGSettings, OutputSettings, Quietness, ResourceSettings
 
-from fibrous.study.configuration import PROJECT, loaded
-from fibrous.study.stages import expected_files
+from fibrous_study.configuration import PROJECT, loaded
+from fibrous_study.stages import expected_files
 
 QUICK = PROJECT / "config" / "quick.yaml"
 # The smallest ensemble for which Eq. 11 can be cross-validated, cut into more batches than the quick one.
@@ -34,7 +34,7 @@ def job_line(folder: Path, content: dict, *options: str) -> list[str]:
     job, config = folder / "job.json", folder / "config.json"
     job.write_text(json.dumps(content))
     config.write_text("{}")
-    return [sys.executable, "-m", "fibrous.study.job", str(job), "--config", str(config), *options]
+    return [sys.executable, "-m", "fibrous_study.job", str(job), "--config", str(config), *options]
 
 
 def written(folder: Path, change: dict, name: str = "own.yaml") -> Path:

@@ -1,4 +1,4 @@
-# What the rules share: the checked config, the command of a job, and the questions put to fibrous.study.stages.
+# What the rules share: the checked config, the command of a job, and the questions put to fibrous_study.stages.
 
 import fcntl
 import os
@@ -7,9 +7,10 @@ import sys
 from pathlib import Path
 
 from fibrous.errors import FibrousError
-from fibrous.report.outline import SECTIONS
-from fibrous.study import configuration, convergence, plan, stages, variants
-from fibrous.study.job import hand_over
+from fibrous_study.report.outline import SECTIONS
+from fibrous_study import configuration, plan, stages, variants
+from fibrous_study.steps import convergence
+from fibrous_study.job import hand_over
 
 try:
     config = configuration.validated(config)
@@ -19,9 +20,9 @@ except FibrousError as error:
 
 # A bare `python` may be another one or none. The rules `exec` it, so that a job is Snakemake's own child and dies with it.
 os.environ.update(PYTHON=sys.executable)
-JOB = 'exec "$PYTHON" -m fibrous.study.job {params.job:q} --config {resources.config:q} > {log:q} 2>&1'
+JOB = 'exec "$PYTHON" -m fibrous_study.job {params.job:q} --config {resources.config:q} > {log:q} 2>&1'
 LONG_JOB = (
-    'exec "$PYTHON" -m fibrous.study.job {params.job:q} --config {resources.config:q}'
+    'exec "$PYTHON" -m fibrous_study.job {params.job:q} --config {resources.config:q}'
     " --threads {threads} --terminal 3 3>&2 > {log:q} 2>&1"
 )
 

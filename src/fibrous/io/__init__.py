@@ -1,0 +1,1 @@
+"""Formats of others: networks, meshes and their motion, ParaView, FEBio, NetCDF."""

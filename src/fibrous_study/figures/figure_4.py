@@ -1,0 +1,283 @@
+"""Figure 4: the hybrid method followed through one element, and the stages of the study as the workflow runs them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import FancyArrowPatch, FancyBboxPatch, PathPatch
+from matplotlib.path import Path as Outline
+from matplotlib.ticker import MaxNLocator
+
+from fibrous.errors import DatasetError
+from fibrous.fitting.hgo import strain_energy
+from fibrous_study.curve_datasets import read_curves
+from fibrous_study.datasets import read, read_table, write_table
+from fibrous_study.figures import style
+from fibrous_study.figures.deformed import CAMERA, Run, field_scale, last_step, show_bodies
+from fibrous_study.figures.figure_3 import CAMERA as NETWORK_CAMERA
+from fibrous_study.figures.flow import Chart, chart
+from fibrous_study.figures.networks import fibers_of
+from fibrous_study.figures.projection import draw_fibers, draw_outline, fit_view
+from fibrous_study.figures.surface_of_mesh import Surface, draw_directions, draw_edges, draw_surface
+
+SHOWN = "maximum_shear_stress_MPa"
+FIT_COLUMNS = ("network", "load_set", "deformation", "energy", "objective", "C2_MPa", "C3")
+SINGLE, ALL = "single", "all"
+KPA = 1e3  # in MPa
+ACCENT = "#D55E00"
+TITLES = (
+    "specimen",
+    "network of one\nelement",
+    "its curves, and\nthe first fit",
+    "finite elements\nwith the constants",
+    "along what they\nfound: the refit",
+    "finite elements\nonce more",
+)
+
+
+@dataclass(frozen=True)
+class Followed:
+    """One element through the method.
+
+    element : its number; fibers : of its network, shape (fibers, 2, 3), edges
+    first, again : its curves, each (λ_f, W in MPa) by load, and the constants fitted to them, (C2 in MPa, C3)
+    """
+
+    element: int
+    fibers: np.ndarray
+    first: Mapping[str, tuple[np.ndarray, np.ndarray]]
+    first_constants: tuple[float, float]
+    again: Mapping[str, tuple[np.ndarray, np.ndarray]]
+    again_constants: tuple[float, float]
+
+
+def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
+    """Follow the most stretched element of the initial run, the first of inputs["tissue"], and draw config["stages"].
+
+    inputs["curves"] and inputs["fits"] hold the loads of config["load_set"], inputs["refit_curves"] and
+    inputs["refits"] the deformation that the initial run found. Writes outputs["data"], curves and fits of panels a3
+    and a5, and outputs["png"], outputs["svg"]. Raises DatasetError where a file does not hold the element's network.
+    """
+    config = params["config"]
+    specimen = read(inputs["specimen"][0], "specimen")
+    runs = [last_step(path, specimen) for path in inputs["tissue"]]
+    element = int(np.argmax(runs[0].elements["largest_principal_stretch"]))
+    network = int(specimen["element_network"].values[element])
+    followed = Followed(
+        element,
+        _fibers(inputs["networks"], network),
+        _curves(inputs["curves"], network, config["load_set"]["loads"]),
+        _constants(inputs["fits"][0], network, config["load_set"]["name"], ALL),
+        _curves(inputs["refit_curves"], network, None),
+        _constants(inputs["refits"][0], network, SINGLE, None),
+    )
+    write_table(curve_points(followed), outputs["data"], params)
+    style.save(draw(specimen, runs, followed, config["stages"]), outputs, params)
+
+
+def curve_points(followed: Followed) -> pd.DataFrame:
+    """What panels a3 and a5 draw, one row a point: states of the network, and the curve fitted to them."""
+    tables = []
+    for panel, curves, constants in (
+        ("a3", followed.first, followed.first_constants),
+        ("a5", followed.again, followed.again_constants),
+    ):
+        tables += [
+            pd.DataFrame({"averaged_stretch": stretch, "strain_energy_density_MPa": energy}).assign(
+                panel=panel, kind="network", series=load
+            )
+            for load, (stretch, energy) in curves.items()
+        ]
+        stretch = np.linspace(1.0, max(one.max() for one, _ in curves.values()), 101)
+        fitted = pd.DataFrame(
+            {"averaged_stretch": stretch, "strain_energy_density_MPa": strain_energy(*constants, stretch)}
+        )
+        tables.append(fitted.assign(panel=panel, kind="fit", series="Eq. 2", C2_MPa=constants[0], C3=constants[1]))
+    table = pd.concat(tables, ignore_index=True).assign(element=followed.element)
+    first = ["panel", "element", "kind", "series"]
+    return table[[*first, *table.columns.difference(first, sort=False)]]
+
+
+@matplotlib.rc_context(style.SHEET)
+def draw(specimen: xr.Dataset, runs: Sequence[Run], followed: Followed, stages: Sequence[Mapping[str, Any]]) -> Figure:
+    """Panels a1 to a6 in a row above b, the flow chart of the stages."""
+    figure = style.new_figure(style.FULL_WIDTH_MM, 138.0)
+    lefts = [0.005, 0.175, 0.365, 0.50, 0.705, 0.835]
+    widths = [0.155, 0.135, 0.105, 0.155, 0.105, 0.155]
+    panels = [figure.add_axes((left, 0.68, width, 0.215)) for left, width in zip(lefts, widths, strict=True)]
+    points = curve_points(followed)
+    _draw_specimen(panels[0], specimen, runs, followed.element)
+    gray = np.full((len(followed.fibers), 3), 0.25)
+    draw_fibers(panels[1], NETWORK_CAMERA, followed.fibers, gray, width=0.25, fade=0.6)
+    fit_view(panels[1], draw_outline(panels[1], NETWORK_CAMERA, np.eye(3)))
+    colors = ScalarMappable(field_scale([one.elements[SHOWN] for one in runs]), "viridis")
+    for axes, one in zip((panels[3], panels[5]), runs, strict=True):
+        _draw_run(axes, specimen, one, runs, colors)
+    for axes, panel in ((panels[2], "a3"), (panels[4], "a5")):
+        _draw_curves(axes, points[points["panel"] == panel])
+    for number, (axes, title) in enumerate(zip(panels, TITLES, strict=True), start=1):
+        left = axes.get_position().x0 - (0.03 if axes.axison else 0.0)
+        figure.text(left, 0.965, f"a{number}", fontsize=8.0, fontweight="bold", va="top")
+        figure.text(left + 0.026, 0.966, title, va="top")
+    for x in (0.163, 0.3165, 0.487, 0.652, 0.825):
+        _draw_arrow(figure, x)
+    origin = specimen.attrs["origin"].capitalize()
+    figure.text(0.005, 0.006, f"{origin}. Colour of a4 and a6: maximum shear stress.", fontsize=6.0)
+    axes = figure.add_axes((0.005, 0.03, 0.99, 0.57))
+    figure.text(0.005, 0.595, "b", fontsize=8.0, fontweight="bold", va="top")
+    draw_stages(axes, stages)
+    return figure
+
+
+def draw_stages(axes: Axes, stages: Sequence[Mapping[str, Any]]) -> None:
+    """The flow chart: a box a stage with its number of jobs and the figures drawn of it, arrows for reading."""
+    reads = {stage["stage"]: [one for one in stage["reads"] if one != stage["stage"]] for stage in stages}
+    found = chart(reads)
+    heights = [height for _, height in found.position.values()]
+    bends = [height for path in found.paths.values() for _, height in path]
+    layers = max(layer for layer, _ in found.position.values())
+    for path in found.paths.values():
+        _draw_path(axes, path)
+    _draw_back(axes, found)
+    for stage in stages:
+        _draw_box(axes, found.position[stage["stage"]], stage)
+    bottom, top = max(max(heights) + 0.55, max(bends) + 0.1), min(min(heights) - 0.95, min(bends) - 0.1)
+    axes.set(xlim=(-0.5, layers + 0.5), ylim=(bottom, top))
+    axes.set_axis_off()
+
+
+HALF_WIDTH, HALF_HEIGHT = 0.40, 0.36
+
+
+def _draw_box(axes: Axes, at: tuple[float, float], stage: Mapping[str, Any]) -> None:
+    x, y = at
+    box = FancyBboxPatch(
+        (x - HALF_WIDTH, y - HALF_HEIGHT), 2 * HALF_WIDTH, 2 * HALF_HEIGHT, boxstyle="round,pad=0,rounding_size=0.08",
+        fc="white", ec=style.INK, lw=0.7, zorder=4,
+    )  # fmt: skip
+    axes.add_patch(box)
+    drawn = (name.removeprefix("figure_") for name in stage["drawn"])
+    numbers = ", ".join(name for name in drawn if name.isdigit())
+    axes.text(x, y - 0.17, stage["stage"].replace("_", " "), ha="center", va="center", fontsize=6.0, zorder=5)
+    words = f"{stage['jobs']} job{'s' if stage['jobs'] > 1 else ''}\n{'Fig. ' + numbers if numbers else ''}".strip()
+    axes.text(x, y + 0.13, words, ha="center", va="center", fontsize=6.0, color=style.FAINT, zorder=5)
+
+
+def _draw_path(axes: Axes, points: Sequence[tuple[float, float]]) -> None:
+    """An arrow through these points, level where it leaves a layer and where it comes to the next one."""
+    x, y = points[0]
+    vertices, codes = [(x + HALF_WIDTH, y)], [Outline.MOVETO]
+    for index, (x, y) in enumerate(points[1:], start=1):
+        last = index == len(points) - 1
+        start, end = vertices[-1], (x - HALF_WIDTH - (0.03 if last else 0.0), y)
+        middle = 0.5 * (start[0] + end[0])
+        vertices += [(middle, start[1]), (middle, end[1]), end]
+        codes += [Outline.CURVE4] * 3
+        if not last:
+            vertices.append((x + HALF_WIDTH, y))
+            codes.append(Outline.LINETO)
+    axes.add_patch(PathPatch(Outline(vertices, codes), fc="none", ec=style.FAINT, lw=0.7, zorder=2))
+    _draw_head(axes, vertices[-1], (1.0, 0.0), style.FAINT)
+
+
+def _draw_back(axes: Axes, found: Chart) -> None:
+    """Edges that close a loop leave to the right, run above all boxes, and are broken and in a colour."""
+    top = min(height for _, height in found.position.values()) - 0.75
+    for one, other in found.back:
+        (x, y), (end, height) = found.position[one], found.position[other]
+        leaving, tip = y - 0.5 * HALF_HEIGHT, (end, height - HALF_HEIGHT - 0.05)
+        vertices = [(x + HALF_WIDTH, leaving), (x + 0.5, leaving), (x + 0.5, top), (end, top), tip]
+        codes = [Outline.MOVETO] + [Outline.LINETO] * (len(vertices) - 1)
+        axes.add_patch(PathPatch(Outline(vertices, codes), fc="none", ec=ACCENT, lw=1.1, ls=(0, (4, 2)), zorder=3))
+        _draw_head(axes, vertices[-1], (0.0, 1.0), ACCENT)
+        axes.text(0.5 * (x + 0.5 + end), top - 0.06, "refit", ha="center", va="bottom", fontsize=6.5, color=ACCENT)
+
+
+def _draw_head(axes: Axes, at: tuple[float, float], direction: tuple[float, float], color: str) -> None:
+    start = (at[0] - 0.05 * direction[0], at[1] - 0.05 * direction[1])
+    axes.add_patch(FancyArrowPatch(start, at, zorder=3, **style.arrow(0.7, 5.0, color)))
+
+
+def _draw_specimen(axes: Axes, specimen: xr.Dataset, runs: Sequence[Run], element: int) -> None:
+    surface, rest = Surface.of(specimen["element_nodes"].values), specimen["node_position"].values
+    marked = np.zeros(specimen.sizes["element"])
+    marked[element] = 1.0
+    colors = ScalarMappable(Normalize(0.0, 1.0), ListedColormap(["#e8e8e8", ACCENT]))
+    draw_surface(axes, CAMERA, surface, rest, marked, colors, mesh_width=0.1)
+    draw_directions(axes, CAMERA, surface, rest, specimen["fiber_direction"].values, width=0.4)
+    draw_edges(axes, CAMERA, rest, surface.sharp_edges(rest), style.INK, width=0.4, order=1)
+    show_bodies(axes, [rest, *(one.position for one in runs)])
+
+
+def _draw_run(axes: Axes, specimen: xr.Dataset, one: Run, runs: Sequence[Run], colors: ScalarMappable) -> None:
+    surface, rest = Surface.of(specimen["element_nodes"].values), specimen["node_position"].values
+    draw_surface(axes, CAMERA, surface, one.position, one.elements[SHOWN], colors)
+    draw_edges(axes, CAMERA, one.position, surface.sharp_edges(rest), style.INK, width=0.4, order=1)
+    show_bodies(axes, [rest, *(other.position for other in runs)])
+
+
+def _draw_curves(axes: Axes, points: pd.DataFrame) -> None:
+    for kind, group in points.groupby("kind"):
+        for number, (_, curve) in enumerate(group.groupby("series", sort=False)):
+            x, y = curve["averaged_stretch"], KPA * curve["strain_energy_density_MPa"]
+            if kind == "fit":
+                axes.plot(x, y, **style.fit_style(0), zorder=4)
+            else:
+                axes.plot(x, y, color=style.load_style(number)["color"], lw=0.8, zorder=3)
+    constants = points[points["kind"] == "fit"].iloc[0]
+    label = f"$C_2$ = {constants['C2_MPa']:.3g} MPa\n$C_3$ = {constants['C3']:.3g}"
+    axes.text(0.06, 1.0, label, transform=axes.transAxes, va="top", fontsize=6.0)
+    largest = KPA * points.loc[points["kind"] == "network", "strain_energy_density_MPa"].max()
+    axes.set_ylim(-0.02 * largest, 1.35 * largest)
+    axes.yaxis.set_major_locator(MaxNLocator(3, steps=[1, 2, 5, 10]))  # whole numbers leave room for the arrow
+    axes.set_xlabel("$\\lambda_f$ (1)")
+    axes.set_ylabel("$W$ (kPa)", labelpad=1.0)
+
+
+def _draw_arrow(figure: Figure, middle: float) -> None:
+    ends = [(middle + shift, 0.79) for shift in (-0.007, 0.007)]
+    figure.add_artist(FancyArrowPatch(*ends, transform=figure.transFigure, **style.arrow(1.1, 8.0)))
+
+
+def _fibers(paths: list[Path], network: int) -> np.ndarray:
+    for path in paths:
+        networks = read(path, "networks")
+        found = np.flatnonzero(networks["network"].values == network)
+        if found.size:
+            return fibers_of(networks, int(found[0]))
+    raise DatasetError(f"{paths[0].parent}: no file holds network {network}; delete the networks and run again")
+
+
+def _curves(paths: list[Path], network: int, loads: Sequence[str] | None) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """λ_f and W (MPa) of the converged states of each of the loads, or of all that the file holds."""
+    curves = read_curves(paths)
+    curves = curves.of(curves.numbers == network)
+    if not len(curves.numbers):
+        raise DatasetError(f"{paths[0].parent}: no file holds network {network}; delete the curves and run again")
+    curves = curves if loads is None else curves.under(loads)
+    kept, stretch, energy = curves.converged[0], curves.averaged_stretch[0], curves.strain_energy_density[0]
+    return {load: (stretch[i, kept[i]], energy[i, kept[i]]) for i, load in enumerate(curves.loads)}
+
+
+def _constants(path: Path, network: int, load_set: str, deformation: str | None) -> tuple[float, float]:
+    """C2 (MPa) and C3 of Eq. 2 that were fitted to the energy of the network under these loads."""
+    table = read_table(path, FIT_COLUMNS)
+    kept = (table["network"] == network) & (table["load_set"] == load_set) & (table["energy"] == "structure_tensor")
+    kept &= table["objective"].isin(("energy", "slope"))  # section 2.5 may fit a slope in place of an energy
+    if deformation is not None:
+        kept &= table["deformation"] == deformation
+    if kept.sum() != 1:
+        raise DatasetError(f"{path}: holds {kept.sum()} fits of network {network} where one is drawn; run again")
+    row = table[kept].iloc[0]
+    return float(row["C2_MPa"]), float(row["C3"])

@@ -1,0 +1,72 @@
+"""Figure 5: W–λ_f curves of the case-study network at both ranges, with Eq. 2 fitted to both load sets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import pandas as pd
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from fibrous_study.datasets import write_table
+from fibrous_study.figures import style
+from fibrous_study.figures.curves import (
+    amplitude,
+    curve_table,
+    draw_energies,
+    energy_table,
+    fit_label,
+    load_handles,
+    load_numbers,
+    pooled_fits,
+    stacked,
+)
+
+
+def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
+    """Draw the network config["network"] from inputs["curves"] and inputs["fits"], in config["protocols"]' order.
+
+    config["load_sets"] holds the load sets as the study's config does, the default one first. Writes
+    outputs["data"], the states and fitted curves of both panels, and outputs["png"], outputs["svg"].
+    """
+    config = params["config"]
+    network, protocols = config["network"], config["protocols"]
+    paths = zip(protocols, inputs["curves"], inputs["fits"], strict=True)
+    curves = {protocol: (curve_table(curve, network), pooled_fits(fit)) for protocol, curve, fit in paths}
+    states = stacked({protocol: table for protocol, (table, _) in curves.items()}, "protocol")
+    fits = stacked({protocol: fits[fits["name"] == network] for protocol, (_, fits) in curves.items()}, "protocol")
+    table = energy_table(states, fits, "protocol")
+    write_table(table, outputs["data"], params)
+    style.save(draw(states, fits, table, config["load_sets"]), outputs, params)
+
+
+@matplotlib.rc_context(style.SHEET)
+def draw(states: pd.DataFrame, fits: pd.DataFrame, table: pd.DataFrame, load_sets: list[dict[str, Any]]) -> Figure:
+    """One panel a protocol, from the states, the fits and the energy_table of both."""
+    figure = style.new_figure(style.FULL_WIDTH_MM, 86.0)
+    grid = figure.add_gridspec(1, 2, left=0.065, right=0.985, top=0.865, bottom=0.11, wspace=0.17)
+    for column, protocol in enumerate(states["protocol"].unique()):
+        axes = figure.add_subplot(grid[column])
+        own = states[states["protocol"] == protocol]
+        curves = table[(table["protocol"] == protocol) & (table["kind"] == "fit")]
+        beyond = draw_energies(axes, own, curves, load_sets[0]["loads"], load_numbers(states))
+        handles = _fit_handles(fits[fits["protocol"] == protocol], load_sets)
+        handles += [Line2D([], [], ls="none", label=f"{load} leaves the panel,\n{end}") for load, end in beyond.items()]
+        title = f"{amplitude(own)},\n$\\lambda_f$ ≤ {own['averaged_stretch'].max():.3f}"
+        axes.legend(handles=handles, loc="upper left", title=title, alignment="left")
+        style.panel_letter(axes, "abcdefgh"[column])
+    figure.legend(handles=load_handles(states), loc="upper center", ncols=6, fontsize=6.5)
+    return figure
+
+
+def _fit_handles(fits: pd.DataFrame, load_sets: list[dict[str, Any]]) -> list[Line2D]:
+    numbers = {load_set["name"]: number for number, load_set in enumerate(load_sets)}
+    handles = []
+    for fit in fits.to_dict("records"):
+        number = numbers[fit["load_set"]]
+        label = f"Eq. 2 to {style.load_set_label(load_sets, number)}\n{fit_label(fit, ', ')}"
+        handles.append(Line2D([], [], **style.fit_style(number), label=label))
+    return handles

@@ -1,0 +1,83 @@
+"""Numbers of the README, as Markdown between marks, from the tables of a run: none of them is written by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import pandas as pd
+
+from fibrous.errors import DatasetError
+from fibrous_study.report.headline import headline
+from fibrous_study.report.outline import TARGETS
+
+# Statements that the README shows, in its order.
+SHOWN = (
+    "fig7-transverse-lengths",
+    "case-alignment",
+    "curves-converge",
+    "surface-r2",
+    "network3-stretches",
+    "eq2-run-as-eq10c",
+    "hgo-locates-peaks",
+    "refit-direction",
+    "time-multiscale",
+    "time-total",
+)
+
+
+def blocks(tables: Mapping[str, pd.DataFrame]) -> dict[str, str]:
+    """Markdown by the name of its mark, from tables by the names of fibrous_study.report.tables."""
+    return {
+        "headline": "\n".join(f"- {sentence}" for sentence in headline(tables)),
+        "size": _size(tables["stages"]),
+        "statements": _statements(tables["claims"].fillna("")),
+        "targets": _targets(tables["targets"]),
+    }
+
+
+def filled(page: str, found: Mapping[str, str]) -> str:
+    """The page with every block between its marks, ``<!-- name -->`` and ``<!-- end of name -->``, put anew.
+
+    Raises DatasetError where the page lacks the marks of a block.
+    """
+    for name, text in found.items():
+        start, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
+        if page.count(start) != 1 or page.count(end) != 1:
+            raise DatasetError(f"the page must hold '{start}' and '{end}' once each")
+        before, after = page[: page.index(start)], page[page.index(end) :]
+        page = f"{before}{start}\n{text}\n{after}"
+    return page
+
+
+def _size(stages: pd.DataFrame) -> str:
+    return (
+        f"The whole study takes {duration(stages['cpu_seconds'].sum())} of CPU time in {stages['jobs'].sum()} jobs, "
+        f"and its largest job {stages['largest_peak_memory_MB'].max() / 1000.0:.2g} GB of memory."
+    )
+
+
+def _statements(claims: pd.DataFrame) -> str:
+    rows = claims.set_index("id").loc[list(SHOWN), ["section", "says", "here", "verdict"]]
+    lines = ["| section | the paper says | here | verdict |", "|---|---|---|---|"]
+    lines += [f"| {' | '.join(row)} |" for row in rows.itertuples(index=False)]
+    return "\n".join(lines)
+
+
+def _targets(targets: pd.DataFrame) -> str:
+    spent = targets.set_index("target")["cpu_seconds"]
+    lines = ["| target | section of the paper | result | CPU time |", "|---|---|---|---|"]
+    lines += [
+        f"| `{name}` | {section} | {result} | {duration(float(spent[name]))} |"
+        for name, (section, result) in TARGETS.items()
+        if name in spent
+    ]
+    return "\n".join(lines)
+
+
+def duration(seconds: float) -> str:
+    """A time in seconds below two minutes, in minutes above.
+
+    >>> duration(3.2), duration(75.0), duration(500.0)
+    ('3 s', '75 s', '8 min')
+    """
+    return f"{seconds:.0f} s" if seconds < 120.0 else f"{seconds / 60.0:.0f} min"

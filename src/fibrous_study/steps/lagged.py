@@ -1,0 +1,82 @@
+"""Rule `deform_tissue_with_lagged_constants`: a run that fits its constants anew at every load step (Fig. 4b)."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fibrous.clock import Clock
+from fibrous.errors import DatasetError
+from fibrous.fe.solver import LoadStepper
+from fibrous.fitting.hgo import fit_constants
+from fibrous.hybrid import FollowedNetwork, LaggedRefit, LaggedStepError
+from fibrous_study.loading import loaded_networks
+from fibrous_study.solutions import (
+    Constants,
+    fitted_constants,
+    read_specimen,
+    say,
+    tissue_dataset,
+    tissue_material,
+    write_tissue,
+)
+
+
+def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
+    """Read `specimen`, the initial `fits` and the `networks`; write `tissue` and `vtu`.
+
+    Raises ConvergenceError as the rule `deform_tissue` does, DatasetError where an element has no network or no
+    constants.
+    """
+    config = params["config"]
+    model, matrix = config["model"], config["matrix"]
+    specimen, numbers = read_specimen(inputs["specimen"][0])
+    initial = fitted_constants(inputs["fits"][0], numbers, model, config["load_set"])
+    clock = Clock()
+
+    def stepper_of(C2: np.ndarray, C3: np.ndarray) -> LoadStepper:
+        material = tissue_material(config, Constants(C2, C3, initial.structure_tensor), clock)
+        return LoadStepper.of(specimen.mesh, material, specimen.prescribed, config["linear_solver"], clock=clock)
+
+    refit = LaggedRefit(
+        stepper_of,
+        _networks(inputs["networks"], numbers, config["equilibrium"]),
+        lambda curves: fit_constants(
+            curves,
+            energy=model["energy"],
+            objective=model["objective"],
+            tension_only=config["tension_only"],
+            **config["fit"],
+        ),
+    )
+    failure = None
+    try:
+        found = refit.follow(specimen.prescribed.values, initial.C2, initial.C3, config["iterations_of_last_step"])
+    except LaggedStepError as error:
+        found, failure = error.found, error
+    say(found.solution.attempts)
+    for network, step in found.lost_states:
+        print(
+            f"network {numbers[network]}, step {step}: no equilibrium was found; left out of the fits", file=sys.stderr
+        )
+    for C2, C3 in found.last_changes:
+        print(f"last step again: C2 changed by up to {C2:.3g} MPa, C3 by up to {C3:.3g}", file=sys.stderr)
+    dataset = tissue_dataset(specimen, found.solution, found.C2, found.C3, initial.structure_tensor, matrix, clock)
+    write_tissue(specimen, dataset, failure, outputs, params)
+
+
+def _networks(paths: list[Path], wanted: np.ndarray, limits: Mapping[str, Any]) -> list[FollowedNetwork]:
+    """The networks of the elements in their order."""
+    found = {
+        one.number: FollowedNetwork(one.engine, one.structure_tensor, one.stress_scale_MPa)
+        for path in paths
+        for one in loaded_networks(path, limits, lambda *_: [])
+    }
+    missing = [number for number in wanted.tolist() if number not in found]
+    if missing:
+        raise DatasetError(f"{paths[0].parent}: lacks network {missing[0]}; delete the folder and run again")
+    return [found[number] for number in wanted.tolist()]

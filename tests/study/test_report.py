@@ -1,0 +1,345 @@
+"""The report: one page that needs nothing else, tells all that there is, and shows each figure under its own name."""
+
+import base64
+import io
+import json
+import subprocess
+from html.parser import HTMLParser
+from xml.etree import ElementTree
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from PIL import Image
+from small_study import NO_PARAMS
+from workflow_runs import quick_config, snakemake
+
+from fibrous_study import datasets
+from fibrous_study.audit.finding import Verdict
+from fibrous_study.audit.statements import CHECKS
+from fibrous_study.configuration import CAPTIONS, PROJECT, caption, loaded, statements
+from fibrous_study.jobs import jobs
+from fibrous_study.report.headline import headline
+from fibrous_study.report.outline import CONTRADICTIONS, SECTIONS, TARGETS, exhibits, told
+from fibrous_study.report.page import table_page
+from fibrous_study.report.readme import duration, filled
+from fibrous_study.report.tables import VIEWS, View, shown
+from fibrous_study.report_stages import GATHERING, commit, flow
+from fibrous_study.stages import STAGES, stage_params
+from fibrous_study.steps import report, stage_costs
+
+LINKING = {"src", "href", "srcset", "action", "data", "poster", "xlink:href"}
+
+
+class Page(HTMLParser):
+    """What a page links to, its ids, images by the figure they stand in, badges and text."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.links: list[str] = []
+        self.ids: list[str] = []
+        self.images: dict[str, str] = {}
+        self.open: list[str] = []
+        self.figure = ""
+        self.words = ""
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        found = dict(attributes)
+        self.links += [value for name, value in found.items() if name in LINKING]
+        self.ids += [found["id"]] if "id" in found else []
+        if tag == "figure":
+            self.figure = found["id"]
+        if tag == "img":
+            self.images[self.figure] = found["src"]
+            assert found["alt"]
+        if tag not in ("meta", "link", "img", "br"):
+            self.open.append(tag)
+        assert tag != "script"
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] != "style":
+            self.words += data
+
+
+@pytest.fixture(scope="module")
+def page(quick) -> Page:
+    return Page((quick[0] / "results/report.html").read_text(encoding="utf-8"))
+
+
+def test_every_tag_is_closed_and_every_id_there_once(page):
+    assert page.open == []
+    assert len(set(page.ids)) == len(page.ids)
+
+
+def test_nothing_lies_outside_the_page(page):
+    outside = [link for link in page.links if not link.startswith(("data:", "#"))]
+    assert outside == []
+    assert {link[1:] for link in page.links if link.startswith("#")} <= set(page.ids)
+
+
+def test_every_image_is_the_figure_of_its_name_and_can_be_decoded(quick, page):
+    drawn = [one.stage for one in exhibits() if one.stage]
+    assert list(page.images) == drawn
+    for stage, link in page.images.items():
+        kind, _, content = link.partition(",")
+        assert kind == "data:image/svg+xml;base64"
+        svg = base64.b64decode(content, validate=True)
+        assert svg == (quick[0] / STAGES[stage].outputs["svg"]).read_bytes()
+        root = ElementTree.fromstring(svg)
+        assert root.tag.endswith("svg")
+        for image in root.iter("{http://www.w3.org/2000/svg}image"):
+            inner = image.get("{http://www.w3.org/1999/xlink}href").partition("base64,")[2]
+            Image.open(io.BytesIO(base64.b64decode(inner))).load()
+
+
+def test_the_page_tells_every_statement_with_its_verdict(quick, page):
+    claims = pd.read_csv(quick[0] / "results/claims.csv").fillna("")
+    assert set(claims["id"]) <= set(page.ids)
+    words = " ".join(page.words.split())
+    for row in claims.to_dict("records"):
+        for column in ("says", "here", "spread", "verdict", "why"):
+            assert " ".join(row[column].split()) in words
+    for verdict, count in claims["verdict"].value_counts().items():
+        assert f"{verdict}{count} of {len(claims)} statements" in words.replace("\n", "")
+
+
+def test_the_page_says_where_its_numbers_come_from(quick, page):
+    assert commit(PROJECT) in page.words
+    stages = pd.read_csv(quick[0] / "results/tables/stages.csv")
+    assert f"{stages['cpu_seconds'].sum() / 3600:.3g} in {stages['jobs'].sum()} jobs" in page.words
+    assert str(stages["machine"].iloc[0]) in page.words
+    shown_config = yaml.safe_load(page.words[page.words.index("seed: 2021\nnetwork:") :])
+    whole = quick_config()
+    assert shown_config == {key: whole[key] for key in shown_config}
+    assert set(whole) - set(shown_config) == {"microstructure", "sensitivity"}
+    assert "differs from the default one in cube, delaunay, replicates, synthetic_specimen, tissue." in page.words
+
+
+def test_every_statement_of_the_paper_stands_in_one_place():
+    assert sorted(told()) == sorted(CHECKS)
+    assert sorted(told()) == sorted(entry["id"] for entry in statements())
+
+
+def test_every_contradiction_is_settled_by_statements_that_are_judged(quick, page):
+    settled = [id for one in CONTRADICTIONS for id in one.claims]
+    assert len(set(settled)) == len(settled)
+    assert set(settled) <= set(CHECKS)
+    verdicts = pd.read_csv(quick[0] / "results/claims.csv").set_index("id")["verdict"]
+    for one in CONTRADICTIONS:
+        assert one.topic in page.words
+        # What follows from a verdict is said where that is the verdict.
+        assert (one.settled in page.words) == (verdicts[one.claims[0]] == one.verdict)
+
+
+def test_every_figure_and_table_of_the_study_has_its_place():
+    figures = {name for name, stage in STAGES.items() if name.startswith("figure_") and not stage.on_demand}
+    assert {one.stage for one in exhibits() if one.stage} == figures
+    assert {one.table for one in exhibits() if one.table} <= set(VIEWS)
+    for name in figures:
+        assert len(caption(name)) > 100
+    assert {path.stem for path in CAPTIONS.glob("*.rst")} == {*figures, "table"}
+    numbers = [one.title for one in exhibits() if one.title.startswith("Figure ")]
+    assert [title.split(".")[0] for title in numbers] == [f"Figure {number}" for number in (2, 4, 3, 5, 6, 7, 8, 9)]
+
+
+def test_snakemakes_own_report_shows_figures_and_tables(quick, tmp_path):
+    done = snakemake(quick[0], f"--report={tmp_path / 'report.html'}")
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    for section in SECTIONS:
+        if any(one.stage for one in section.exhibits):
+            assert json.dumps(section.title) in text
+    for one in exhibits():
+        if one.stage:
+            assert json.dumps(one.title) in text
+    assert '"Tables"' in text
+
+
+# Tables ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_table_keeps_the_rows_and_columns_of_its_view():
+    table = pd.DataFrame({"a": [1.0, 2.0], "b": ["x", "y"], "c": [0.123456, np.nan]})
+    assert shown(table, View("p", {"c": "third", "a": "first"}, {"b": ("x",)})) == (
+        ["third", "first"],
+        [["0.123", "1"]],
+    )
+    assert shown(table, View("p", {"c": "third"}))[1] == [["0.123"], [""]]
+    assert shown(table, View("p", {"a": "first"}, {"c": (None,)}))[1] == [["2"]]
+
+
+def test_powers_keep_their_zeros_and_load_sets_their_sections():
+    table = pd.DataFrame({"ij": [0, 1, 20], "set": ["section_3_1"] * 3})
+    found = shown(table, View("p", {"ij": "ij", "set": "set"}))[1]
+    assert found == [["00", "section 3.1"], ["01", "section 3.1"], ["20", "section 3.1"]]
+
+
+def test_a_table_of_laws_says_what_they_are():
+    law = {
+        "law": "families",
+        "constants": "fit",
+        "energy": "structure_tensor",
+        "objective": "energy",
+        "run": "hgo_refit",
+    }
+    found = shown(pd.DataFrame([law]), View("p", {"run": "run"}, law="law"))
+    assert found == (["law", "run"], [["Eq. 2 fitted, Eq. 10C run", "hgo refit"]])
+
+
+def test_text_is_text_and_no_markup():
+    words = Page(table_page("a < b", ["<i>"], [["<script>alert(1)</script>"]])).words
+    assert "<script>alert(1)</script>" in words
+    assert "a < b" in words
+
+
+def test_every_view_has_columns_that_its_table_has(quick):
+    for view in VIEWS.values():
+        found = pd.read_csv(quick[0] / view.path)
+        assert set(view.needed) <= set(found.columns), view.path
+        assert shown(found, view)[1], view.path
+
+
+# What it costs -----------------------------------------------------------------------------------------------------
+
+
+def test_costs_are_summed_over_what_a_target_waits_for(tmp_path):
+    """Two batches of networks, curves of each, a fit of both, and a figure of one batch."""
+    stages = ["networks", "networks", "curves", "curves", "fits", "figure"]
+    reads = [[], [], [0], [1], [2, 3], [2]]
+    files = []
+    for i, spent in enumerate((1.0, 2.0, 4.0, 8.0, 16.0, 32.0)):
+        path = tmp_path / f"{i}.csv"
+        datasets.write_table(pd.DataFrame({"a": [i]}), path, NO_PARAMS)
+        beside = tmp_path / f"{i}.csv.json"
+        said = json.loads(beside.read_text()) | {"cpu_seconds": spent, "peak_memory_MB": 10.0 * spent}
+        beside.write_text(json.dumps(said))
+        files.append(path)
+    targets = {"figure": ["figure"], "curves": ["curves"], "fits": ["fits"]}
+    outputs = {name: tmp_path / f"{name}.csv" for name in ("stages", "targets")}
+    config = {"stages": stages, "reads": reads, "targets": targets}
+    stage_costs.run({"files": files}, outputs, NO_PARAMS | {"config": config})
+    found = pd.read_csv(outputs["targets"]).set_index("target")
+    assert found["cpu_seconds"].to_dict() == {"figure": 37.0, "curves": 15.0, "fits": 31.0, "all": 63.0}
+    assert found["jobs"].to_dict() == {"figure": 3, "curves": 4, "fits": 5, "all": 6}
+    found = pd.read_csv(outputs["stages"]).set_index("stage")
+    assert found["cpu_seconds"].to_dict() == {"networks": 3.0, "curves": 12.0, "fits": 16.0, "figure": 32.0}
+    assert found["largest_peak_memory_MB"].to_dict() == {
+        "networks": 20.0,
+        "curves": 80.0,
+        "fits": 160.0,
+        "figure": 320.0,
+    }
+    assert found["reads"].fillna("").to_dict() == {
+        "networks": "",
+        "curves": "networks",
+        "fits": "curves",
+        "figure": "curves",
+    }
+
+
+def test_the_flow_is_that_of_the_files():
+    stages = {row["stage"]: row for row in flow(STAGES, quick_config())}
+    assert stages["fits"]["reads"] == ["curves"]
+    assert "refits" in stages["tissue"]["reads"]
+    assert stages["specimen"]["reads"] == []
+    assert set(stages["curves"]["drawn"]) >= {"figure_3", "figure_5", "figure_6"}
+    assert stages["networks"]["jobs"] == 6
+    assert "microstructure" not in stages
+
+
+def test_every_job_says_what_it_costs_in_a_file_that_is_no_picture():
+    for job in jobs(STAGES, quick_config()):
+        assert job.accounted.endswith((".nc", ".csv", ".feb", ".html"))
+
+
+def test_targets_are_those_of_the_workflow():
+    rules = " ".join(path.read_text() for path in (PROJECT / "workflow/rules").glob("*.smk"))
+    rules += (PROJECT / "Snakefile").read_text()
+    for target in TARGETS:
+        assert f"rule {target}:" in rules
+        assert target == "all" or set(GATHERING.get(target, (target,))) <= set(STAGES)
+
+
+# Words -------------------------------------------------------------------------------------------------------------
+
+
+def table_2(times: float) -> pd.DataFrame:
+    rows = [
+        ("hybrid", "a", "finite elements, initial and refit", 0.02, 0.02, np.nan, np.nan),
+        ("hybrid", "a", "total", 0.1, 1.48, np.nan, np.nan),
+        ("multiscale", "coupled", "t", 0.1 * times, 2622.69, times, 1772.1),
+        ("multiscale", "one_step", "t", 0.02, np.nan, 0.2, np.nan),
+    ]
+    columns = ["method", "runs", "task", "cpu_hours", "paper_cpu_hours", "times_hybrid", "times_hybrid_paper"]
+    return pd.DataFrame(rows, columns=columns).assign(specimen="synthetic specimen")
+
+
+def test_the_headline_says_what_the_tables_hold():
+    claims = pd.DataFrame({"verdict": [Verdict.REPRODUCED.value] * 2 + [Verdict.PARTLY.value]})
+    laws = [
+        ("affine", None, None, 0, 0.05),
+        ("families", "structure_tensor", "energy", 1, 1.25),
+        ("families", "structure_tensor", "energy", 0, 0.75),
+        ("families", "families", "energy", 0, 0.09),
+        ("families", "families", "stress", 0, 0.01),
+    ]
+    columns = ["law", "energy", "objective", "refits", "shear_stress_relative_rms_error"]
+    comparison = pd.DataFrame(laws, columns=columns).assign(specimen="synthetic specimen")
+    said = headline({"claims": claims, "table_2": table_2(0.5), "comparison": comparison})
+    assert said[0] == "Of 3 checkable statements of the paper: 2 reproduced, 1 partly."
+    assert "costs 3 CPU-minutes here" in said[1]
+    assert "costs 6 CPU-minutes, 80 % of it outside its finite elements, for networks and their fits: the" in said[1]
+    assert "simulation takes 0.5 times as long" in said[1]
+    assert "1,772 times (synthetic specimen)" in said[1]
+    assert "Eq. 10C run, 75 % → 125 %; Eq. 10C fitted and run 9 %; the networks' own" in said[2]
+    assert "nothing fitted, 5 % (synthetic specimen)" in said[2]
+
+
+def test_blocks_are_put_between_their_marks():
+    page = "a\n<!-- x -->\nold\n<!-- end of x -->\nb"
+    assert filled(page, {"x": "new \\1"}) == "a\n<!-- x -->\nnew \\1\n<!-- end of x -->\nb"
+    with pytest.raises(datasets.DatasetError, match="the page must hold '<!-- y -->'"):
+        filled(page, {"y": "new"})
+
+
+def test_durations():
+    assert [duration(one) for one in (0.4, 119.0, 121.0, 3600.0)] == ["0 s", "119 s", "2 min", "60 min"]
+
+
+def test_a_note_names_what_differs_from_the_default_config():
+    def notes(config: dict) -> list[str]:
+        return report._notes(stage_params("report", config, {})["config"]["other_than_default"])
+
+    assert notes(loaded()) == []
+    assert "in matrix." in notes(loaded() | {"matrix": {"C1_MPa": 1.0, "lame_lambda_MPa": 1.0}})[0]
+
+
+def test_the_commit_is_the_last_one_that_touched_what_results_are_made_of(tmp_path, monkeypatch):
+    def git(*words: str) -> str:
+        return subprocess.run(["git", *words], cwd=tmp_path, check=True, capture_output=True, text=True).stdout.strip()
+
+    for variable in ("GIT_AUTHOR_NAME", "GIT_AUTHOR_EMAIL", "GIT_COMMITTER_NAME", "GIT_COMMITTER_EMAIL"):
+        monkeypatch.setenv(variable, "someone")
+    monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
+    assert commit(tmp_path) == "not a git checkout"
+    git("init", "--quiet")
+    source, page = tmp_path / "src" / "a.py", tmp_path / "README.md"
+    source.parent.mkdir()
+    source.write_text("1\n")
+    git("add", ".")
+    git("commit", "--quiet", "-m", "a source")
+    first = git("rev-parse", "HEAD")
+    page.write_text("words\n")
+    git("add", ".")
+    assert commit(tmp_path) == first
+    git("commit", "--quiet", "-m", "words")
+    assert commit(tmp_path) == first
+    source.write_text("2\n")
+    assert commit(tmp_path) == f"{first} with changes since"
+    git("commit", "--quiet", "-am", "another source")
+    assert commit(tmp_path) == git("rev-parse", "HEAD")
