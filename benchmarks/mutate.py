@@ -752,14 +752,14 @@ MUTATIONS = [
     ),
     Mutation(
         "counts of networks at a step",
-        "fibrous_study/steps/multiscale.py",
+        "fibrous_study/steps/tissue_coupled.py",
         "_sums(walk.record) - before",
         "_sums(walk.record) + before",
         "study/test_multiscale_stage.py",
     ),
     Mutation(
         "time that a checkpoint may take",
-        "fibrous_study/steps/multiscale.py",
+        "fibrous_study/steps/tissue_coupled.py",
         "time.monotonic() - written >= LEAST_WORK * cost",
         "time.monotonic() - written <= LEAST_WORK * cost",
         "study/test_multiscale_stage.py",
@@ -829,7 +829,7 @@ MUTATIONS = [
     ),
     Mutation(
         "force of a fibre looked at",
-        "fibrous_study/steps/microstructure.py",
+        "fibrous_study/steps/network_microstructure.py",
         'float(batch.attrs["fiber_modulus_MPa"]) * engine.law',
         '-float(batch.attrs["fiber_modulus_MPa"]) * engine.law',
         "study/test_microstructure.py",
@@ -1158,14 +1158,14 @@ MUTATIONS = [
     ),
     Mutation(
         "surface below zero",
-        "fibrous_study/steps/tissue.py",
+        "fibrous_study/steps/tissue_run.py",
         "np.maximum([getattr(one, name) for one in found], 0.0)",
         "np.minimum([getattr(one, name) for one in found], 0.0)",
         "study/test_tissue_stages.py",
     ),
     Mutation(
         "principal axes of an element for the surface",
-        "fibrous_study/steps/tissue.py",
+        "fibrous_study/steps/tissue_run.py",
         "np.linalg.eigvalsh(specimen.structure_tensor)[:, ::-1]",
         "np.linalg.eigvalsh(specimen.structure_tensor)[:, ::+1]",
         "study/test_tissue_stages.py",

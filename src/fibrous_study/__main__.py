@@ -1,7 +1,6 @@
 """``python -m fibrous_study check`` compares the results with the present config and code.
 
-``describe`` prints what the files hold, and ``readme`` puts the numbers of the run whose tables lie in docs/run into the
-README.
+``describe`` prints what the files hold, and ``readme`` puts the numbers of the run in docs/run into the README.
 """
 
 from __future__ import annotations

@@ -171,7 +171,7 @@ MULTISCALE_STAGES: dict[str, Stage] = {
         instances=_audited,
     ),
     "microstructure": Stage(
-        module="fibrous_study.steps.microstructure",
+        module="fibrous_study.steps.network_microstructure",
         outputs={"states": STATES},
         inputs=lambda config, wildcards: {
             "networks": networks_of_elements(config),

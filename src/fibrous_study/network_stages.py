@@ -31,10 +31,10 @@ def figure(
     config: Callable[[Config], dict[str, Any]],
     instances: Callable[[Config], list[dict[str, str]]] = once,
 ) -> Stage:
-    """The stage of a figure: its module in fibrous_study.figures has its name."""
+    """The stage of a figure: its module in fibrous_study.figures is called figure_ and its name."""
     path = f"results/figures/{name}"
     return Stage(
-        module=f"fibrous_study.figures.{name}",
+        module=f"fibrous_study.figures.figure_{name.removeprefix('figure_')}",
         outputs={key: path + ending for key, ending in {"png": ".png", "svg": ".svg", **data}.items()},
         inputs=lambda study, _: inputs(study),
         config=lambda study, _: config(study),
@@ -145,14 +145,14 @@ def curves_of(config: Config, ensemble: str, protocol: str) -> list[str]:
 
 NETWORK_STAGES: dict[str, Stage] = {
     "networks": Stage(
-        module="fibrous_study.steps.networks",
+        module="fibrous_study.steps.network_ensemble",
         outputs={"networks": "results/networks/{ensemble}/{batch}.nc"},
         inputs=_networks_inputs,
         config=_networks_config,
         instances=_network_instances,
     ),
     "curves": Stage(
-        module="fibrous_study.steps.curves",
+        module="fibrous_study.steps.network_curves",
         outputs={"curves": "results/curves/{ensemble}/{protocol}/{batch}.nc"},
         inputs=_networks_of,
         config=_load_config,
@@ -161,7 +161,7 @@ NETWORK_STAGES: dict[str, Stage] = {
         ],
     ),
     "states": Stage(
-        module="fibrous_study.steps.states",
+        module="fibrous_study.steps.network_states",
         outputs={"states": "results/states/{ensemble}/{network}_{protocol}.nc"},
         inputs=_networks_of,
         config=lambda config, wildcards: {**_load_config(config, wildcards), "network": wildcards["network"]},
@@ -172,14 +172,14 @@ NETWORK_STAGES: dict[str, Stage] = {
         ],
     ),
     "fits": Stage(
-        module="fibrous_study.steps.fits",
+        module="fibrous_study.steps.hgo_fits",
         outputs={"fits": "results/fits/{ensemble}/{protocol}.csv"},
         inputs=lambda config, wildcards: {"curves": curves_of(config, wildcards["ensemble"], wildcards["protocol"])},
         config=_fits_config,
         instances=_loaded,
     ),
     "surface": Stage(
-        module="fibrous_study.steps.surface",
+        module="fibrous_study.steps.table_1",
         outputs={
             "surface": "results/tables/surface.nc",
             "table_1": "results/tables/table_1.csv",

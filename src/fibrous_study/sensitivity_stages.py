@@ -57,7 +57,7 @@ def _trials(config: Config) -> dict[str, list[str]]:
 
 SENSITIVITY_STAGES: dict[str, Stage] = {
     "sensitivity": Stage(
-        module="fibrous_study.steps.sensitivity",
+        module="fibrous_study.steps.sensitivity_trial",
         outputs={"trials": TRIALS},
         inputs=lambda _, __: {},
         config=_trial_config,

@@ -153,7 +153,7 @@ TISSUE_STAGES: dict[str, Stage] = {
         each=lambda config, wildcards: plan.refit_sources(config)[wildcards["round"]],
     ),
     "refits": Stage(
-        module="fibrous_study.steps.fits",
+        module="fibrous_study.steps.hgo_fits",
         outputs={"fits": f"results/fits/tissue/{REFIT}{{run}}.csv"},
         inputs=lambda config, wildcards: {"curves": curves_of(config, "tissue", f"{REFIT}{wildcards['run']}")},
         config=lambda config, wildcards: fits_config(
@@ -165,21 +165,21 @@ TISSUE_STAGES: dict[str, Stage] = {
         instances=lambda config: [{"run": run.source} for run in _refitted(config)],
     ),
     "tissue": Stage(
-        module="fibrous_study.steps.tissue",
+        module="fibrous_study.steps.tissue_run",
         outputs={"tissue": TISSUE, "vtu": VTU},
         inputs=_tissue_inputs,
         config=_tissue_config,
         instances=lambda config: _instances(_continuous(config)),
     ),
     "lagged": Stage(
-        module="fibrous_study.steps.lagged",
+        module="fibrous_study.steps.tissue_lagged",
         outputs={"tissue": TISSUE, "vtu": VTU},
         inputs=_lagged_inputs,
         config=_lagged_config,
         instances=lambda config: _instances(_runs(config, lagged=True)),
     ),
     "multiscale": Stage(
-        module="fibrous_study.steps.multiscale",
+        module="fibrous_study.steps.tissue_coupled",
         outputs={"tissue": TISSUE, "vtu": VTU},
         inputs=lambda config, _: {"specimen": [SPECIMEN], "networks": networks_of_elements(config)},
         config=lambda config, wildcards: {

@@ -132,7 +132,7 @@ def test_other_code_makes_stale_what_imports_it(config, made, tmp_path, monkeypa
     monkeypatch.setattr(provenance, "SOURCES", sources)
     found = faults(config, made)
     provenance.code_hash.cache_clear()
-    assert found["results/fits/named/large.csv"] == "stale, the sources of fibrous_study.steps.fits have changed"
+    assert found["results/fits/named/large.csv"] == "stale, the sources of fibrous_study.steps.hgo_fits have changed"
     assert found["results/tables/table_1.csv"].startswith("stale, made from inputs that")
     assert_follow_fits(found)
 
@@ -156,7 +156,7 @@ def test_missing_and_foreign_files_are_named(config, folder):
     assert faults(config, folder) == {
         "results/networks/named/00.nc": "missing",
         "results/networks/delaunay/02.nc": "foreign, no stage of this study writes it",
-        "results/tables/surface.nc": "foreign, written by fibrous_study.steps.networks",
+        "results/tables/surface.nc": "foreign, written by fibrous_study.steps.network_ensemble",
     }
 
 

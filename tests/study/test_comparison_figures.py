@@ -10,7 +10,8 @@ from matplotlib.collections import PolyCollection
 
 from fibrous.fe.fields import green_lagrange_strain, maximum_shear
 from fibrous_study.datasets import read
-from fibrous_study.figures import comparison, deformed, figure_9
+from fibrous_study.figures import deformed, figure_9
+from fibrous_study.figures import figure_comparison as comparison
 from fibrous_study.figures.surface_of_mesh import Surface
 
 RUNS = {"multiscale": 1.0, "hgo": 0.9, "hgo_refit": 0.8}

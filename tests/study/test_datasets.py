@@ -12,7 +12,7 @@ import xarray as xr
 from fibrous.errors import DatasetError
 from fibrous_study import datasets
 
-PARAMS = {"stage": "fibrous_study.steps.states", "config": {"seed": 5, "network": "case"}, "code_hash": "abc"}
+PARAMS = {"stage": "fibrous_study.steps.network_states", "config": {"seed": 5, "network": "case"}, "code_hash": "abc"}
 
 
 def states() -> xr.Dataset:

@@ -8,7 +8,7 @@ from fibrous.deformation import Load, averaged_stretch, load_path
 from fibrous.errors import ConfigError, DatasetError
 from fibrous.materials.hgo import HGOStructureTensor
 from fibrous_study import datasets
-from fibrous_study.steps import fits
+from fibrous_study.steps import hgo_fits as fits
 
 QUANTITIES = ("energy", "stress")
 CONFIG = {"largest_C3": 50.0, "slope_fit_below_r_squared": 0.5}
@@ -54,7 +54,7 @@ def run_fits(paths, output, forms=EQ_2, tension_only=True):
         {"name": "section_2_3", "loads": [*LOADS[:4], "yz_shear"]},
     ]
     config = {"fit": CONFIG, "forms": forms, "tension_only": tension_only, "load_sets": load_sets, "protocol": "large"}
-    params = {"stage": "fibrous_study.steps.fits", "config": config, "code_hash": ""}
+    params = {"stage": "fibrous_study.steps.hgo_fits", "config": config, "code_hash": ""}
     fits.run({"curves": paths}, {"fits": output}, params)
     return pd.read_csv(output, keep_default_na=True)
 

@@ -23,8 +23,8 @@ from fibrous.networks.guard import EquilibriumSolver
 from fibrous.networks.path import follow, stress_scale
 from fibrous.specimen import FiberField, RigidMotion, Slab, synthetic_specimen
 from fibrous_study import datasets
-from fibrous_study.figures import microstructure as figure
-from fibrous_study.steps import microstructure as stage
+from fibrous_study.figures import figure_microstructure as figure
+from fibrous_study.steps import network_microstructure as stage
 
 MODULUS, RADIUS, EDGE, B = 10.0, 0.1, 10.0, 2.5
 SCALE = stress_scale(MODULUS, RADIUS, EDGE)
@@ -185,7 +185,7 @@ def driven(folder, element=0, run="multiscale", law="network"):
     inputs = {"networks": [folder / "0.nc", folder / "1.nc"], "specimen": [folder / "specimen.nc"]}
     inputs["tissue"] = [folder / "multiscale.nc"]
     path = folder / f"{run}_{element}.nc"
-    params = {"stage": "fibrous_study.steps.microstructure", "code_hash": "", "config": config}
+    params = {"stage": "fibrous_study.steps.network_microstructure", "code_hash": "", "config": config}
     stage.run(inputs, {"states": path}, params)
     return datasets.read(path, "microstructure")
 

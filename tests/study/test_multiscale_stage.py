@@ -27,8 +27,9 @@ from fibrous.networks.guard import EquilibriumSolver
 from fibrous_study import datasets, provenance
 from fibrous_study.checkpoint import Checkpoint
 from fibrous_study.stages import Params, stage_params
-from fibrous_study.steps import multiscale, table_2
-from fibrous_study.steps.fits import fits_key
+from fibrous_study.steps import table_2
+from fibrous_study.steps import tissue_coupled as multiscale
+from fibrous_study.steps.hgo_fits import fits_key
 
 SCALE = 10.0 * np.pi * 0.1**2 / 8.0**2  # k π R²/χ²
 

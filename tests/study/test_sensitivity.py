@@ -16,7 +16,7 @@ from fibrous_study.sensitivity.sentences import sentences
 from fibrous_study.sensitivity.summary import completed, summary
 from fibrous_study.sensitivity.trial import stress_error, tried
 from fibrous_study.stages import stage_params
-from fibrous_study.steps import sensitivity as stage
+from fibrous_study.steps import sensitivity_trial as stage
 from fibrous_study.variants import own_value, variant_called, variants, varied
 
 H = np.diag([0.6, 0.25, 0.15])

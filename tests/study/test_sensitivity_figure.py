@@ -9,7 +9,7 @@ from matplotlib.text import Text
 from test_figures import visible_texts
 
 from fibrous_study.datasets import write_table
-from fibrous_study.figures import sensitivity
+from fibrous_study.figures import figure_sensitivity as sensitivity
 from fibrous_study.sensitivity.summary import QUANTITIES, completed
 
 OWN = {"edge_length_um": 20.0, "volume_fraction": 0.04, "nonlinearity": 2.5, "amplitude": 1.8, "steps": 20.0}

@@ -156,11 +156,11 @@ def test_no_docstring_is_cut():
 TELLING = tuple(
     f"fibrous_study.steps.{name}"
     for name in (
-        "fits", "surface", "specimen", "comparison", "tissue_table", "febio", "table_2", "claims", "convergence",
+        "hgo_fits", "table_1", "specimen", "comparison", "tissue_table", "febio", "table_2", "claims", "convergence",
         "stage_costs", "table_pages", "report",
     )
 )  # fmt: skip
-NETWORKS = tuple(f"fibrous_study.steps.{name}" for name in ("curves", "refit_curves", "states"))
+NETWORKS = tuple(f"fibrous_study.steps.{name}" for name in ("network_curves", "refit_curves", "network_states"))
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ from fibrous.fitting.surface import (
 )
 from fibrous_study import datasets, printed
 from fibrous_study.prediction import predict
-from fibrous_study.steps import surface as stage
+from fibrous_study.steps import table_1 as stage
 
 FITTED = Region(0.33, 0.80, 0.05)
 TRUTH = np.array([0.4, -0.3, 0.2, 0.5, 0.1, -0.6, 0.3, 0.8, -0.2])
@@ -261,7 +261,7 @@ def run_stage(folder, tables):
         "table_1": folder / "table_1.csv",
         "surface_over_triangle": folder / "surface_over_triangle.csv",
     }
-    stage.run({"fits": tables}, outputs, {"stage": "fibrous_study.steps.surface", "config": config, "code_hash": ""})
+    stage.run({"fits": tables}, outputs, {"stage": "fibrous_study.steps.table_1", "config": config, "code_hash": ""})
     return outputs
 
 

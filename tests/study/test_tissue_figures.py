@@ -17,7 +17,8 @@ from fibrous.errors import DatasetError
 from fibrous.fe.mesh import box
 from fibrous.specimen import Slab
 from fibrous_study.datasets import read, write
-from fibrous_study.figures import deformed, figure_8, specimen, style
+from fibrous_study.figures import deformed, figure_8, style
+from fibrous_study.figures import figure_specimen as specimen
 from fibrous_study.figures.projection import XY_VIEW
 from fibrous_study.figures.surface_of_mesh import Surface, draw_directions, draw_surface
 

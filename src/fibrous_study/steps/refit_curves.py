@@ -15,7 +15,7 @@ from fibrous_study import datasets
 from fibrous_study.curve_datasets import write_curves
 from fibrous_study.fit_tables import LOAD
 from fibrous_study.loading import loaded_networks
-from fibrous_study.steps.curves import curves_of
+from fibrous_study.steps.network_curves import curves_of
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:

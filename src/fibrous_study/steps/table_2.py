@@ -12,7 +12,7 @@ import pandas as pd
 
 from fibrous_study import datasets
 from fibrous_study.fit_tables import SINGLE
-from fibrous_study.steps.fits import fits_key
+from fibrous_study.steps.hgo_fits import fits_key
 
 # Table 2 as printed, CPU-hours.
 PRINTED = {"initial": 1.12, "refit": 0.34, "hybrid": 0.02, "hybrid_total": 1.48, "multiscale": 2622.69}
