@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 from fibrous_study import plan
-from fibrous_study.configuration import statements
 from fibrous_study.network_stages import SPECIMEN, curves_of, figure, once
+from fibrous_study.paper import paper, section
 from fibrous_study.plan import (
     CASE_PATH,
     CASE_PROTOCOL,
@@ -107,7 +107,7 @@ def _claims_inputs(config: Config) -> dict[str, list[str]]:
 def _claims_config(config: Config) -> dict[str, Any]:
     large = FIGURE_PROTOCOLS[0]
     return {
-        "statements": statements(),
+        "paper": paper(),
         "case": FIGURE_NETWORK,
         "survey": list(SURVEY_NETWORKS),
         "large": large,
@@ -160,6 +160,7 @@ MULTISCALE_STAGES: dict[str, Stage] = {
             "model": plan.form_of(_hybrid_runs(config)[0].model),
             "load_set": config["tissue"]["load_set"],
             "loads_used": _loads_used(config),
+            "paper": section("table_2"),
         },
         instances=_timed,
     ),

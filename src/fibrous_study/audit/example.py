@@ -2,54 +2,76 @@
 
 from __future__ import annotations
 
-from fibrous.networks.three_fibers import State
-from fibrous_study.audit.finding import Finding, Statement, Thresholds, Verdict, agrees, judged, number
+from collections.abc import Mapping
+from fractions import Fraction
+
+from fibrous.networks.three_fibers import State, affine, equilibrium
+from fibrous_study.audit.evidence import Evidence
+from fibrous_study.audit.verdict import Finding, Verdict, judged, judges, numbers
+
+ALONG, ACROSS = "b", "c"  # panels of Fig. 7
 
 
-def averaged_stretch(statement: Statement, state: State, thresholds: Thresholds) -> Finding:
-    """λ_f of a state against the printed one."""
-    found = state.averaged_stretch
-    return Finding(
-        f"{found:.3f}",
-        judged([agrees(found, statement.value, thresholds.printed_digits)]),
-        f"√(H:C) of the printed H and F is {found:.4f}.",
-    )
+def states(evidence: Evidence, panel: str) -> tuple[State, State]:
+    """The affine and the balanced state of a panel of Fig. 7."""
+    stretch = float(Fraction(evidence.paper["figure_7"][panel]["stretch"]))
+    return affine(stretch), equilibrium(stretch)
 
 
-def aligned_mean(statement: Statement, affine: State, equilibrium: State, thresholds: Thresholds) -> Finding:
+@judges("fig7-aligned-estimate", panel=ALONG)
+@judges("fig7-transverse-estimate", panel=ACROSS)
+def averaged_stretch(evidence: Evidence, printed: Mapping[str, float], panel: str) -> Finding:
+    """λ_f = √(H:C) of the printed H and F."""
+    stretch = states(evidence, panel)[0].averaged_stretch
+    agrees = evidence.thresholds.agrees(stretch, printed["lambda_f"])
+    return Finding(judged([agrees]), numbers(lambda_f=stretch, printed=printed))
+
+
+@judges("fig7-aligned-mean")
+def aligned_mean(evidence: Evidence, printed: Mapping[str, float]) -> Finding:
     """The mean stretch along the alignment: of the affine state and of the one that Eq. 12 balances."""
-    of_affine, of_equilibrium = (
-        agrees(state.mean_stretch, statement.value, thresholds.printed_digits) for state in (affine, equilibrium)
+    moved, balanced = states(evidence, ALONG)
+    of_affine, of_balanced = (
+        evidence.thresholds.agrees(state.mean_stretch, printed["mean_affine"]) for state in (moved, balanced)
     )
-    here = f"{affine.mean_stretch:.3f} affine, {equilibrium.mean_stretch:.3f} in equilibrium"
-    if of_equilibrium or not of_affine:
-        return Finding(here, judged([of_equilibrium]), f"Eq. 12 balances at {equilibrium.mean_stretch:.3f}.")
     return Finding(
-        here,
-        Verdict.PARTLY,
-        "The printed number is right for the affine state, which Eq. 12 does not balance: it leaves the node a force "
-        f"of {number(affine.vertical_force)} kA. Balance, which the paper asks of the other case, gives "
-        f"{equilibrium.mean_stretch:.3f}, where λ_f = {equilibrium.averaged_stretch:.3f}.",
+        Verdict.PARTLY if of_affine and not of_balanced else judged([of_balanced]),
+        [
+            *numbers(mean_affine=moved.mean_stretch, mean_balanced=balanced.mean_stretch, printed=printed),
+            *numbers(lambda_f=balanced.averaged_stretch),
+            *numbers("kA", force_affine=moved.vertical_force),
+        ],
     )
 
 
-def transverse_lengths(statement: Statement, state: State, thresholds: Thresholds) -> Finding:
+@judges("fig7-transverse-lengths")
+def transverse_lengths(evidence: Evidence, printed: Mapping[str, float]) -> Finding:
     """L1, L2 and θ across the alignment."""
-    found = (*state.lengths[:2], state.angle)
+    state = states(evidence, ACROSS)[1]
+    values = {"L1": state.lengths[0], "L2": state.lengths[1], "theta": state.angle}
     return Finding(
-        f"{found[0]:.3f}, {found[1]:.3f}, {found[2]:.1f} deg",
-        judged([agrees(found, statement.value, thresholds.printed_digits)]),
-        "Eq. 12 with the two constraints is solved; the force left on the node is "
-        f"{number(abs(state.vertical_force), 1)} kA.",
+        judged([evidence.thresholds.agrees([*values.values()], [printed[name] for name in values])]),
+        [
+            *numbers(L1=values["L1"], L2=values["L2"], printed=printed),
+            *numbers("degree", theta=values["theta"], printed=printed),
+            *numbers("kA", force=abs(state.vertical_force)),
+        ],
     )
 
 
-def transverse_stretches(statement: Statement, state: State, thresholds: Thresholds) -> Finding:
+@judges("fig7-transverse-stretches")
+def transverse_stretches(evidence: Evidence, printed: Mapping[str, float]) -> Finding:
     """The stretches of fibres 1 and 2 and the mean of the three across the alignment."""
-    found = (*state.fiber_stretches[:2], state.mean_stretch)
+    state = states(evidence, ACROSS)[1]
+    values = {
+        "stretch_1": state.fiber_stretches[0],
+        "stretch_2": state.fiber_stretches[1],
+        "mean": state.mean_stretch,
+    }
     return Finding(
-        f"{found[0]:.2f}, {found[1]:.2f}, {found[2]:.3f}",
-        judged([agrees(found, statement.value, thresholds.printed_digits)]),
-        f"The most stretched of the three fibres has {max(state.fiber_stretches):.2f} of its length at rest, while "
-        f"λ_f = {state.averaged_stretch:.3f}.",
+        judged([evidence.thresholds.agrees([*values.values()], [printed[name] for name in values])]),
+        [
+            *numbers(printed=printed, **values),
+            *numbers(largest=max(state.fiber_stretches), lambda_f=state.averaged_stretch),
+        ],
     )

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fibrous_study.audit.finding import Verdict
+from fibrous_study.audit.verdict import Verdict
 
 
 @dataclass(frozen=True)
@@ -167,78 +167,6 @@ SECTIONS = (
 )
 
 
-@dataclass(frozen=True)
-class Contradiction:
-    """What the paper says in two ways or takes for granted.
-
-    topic; claims : ids of the statements by which it is settled
-    settled : what follows where the first of them gets this verdict
-    """
-
-    topic: str
-    claims: tuple[str, ...]
-    verdict: str
-    settled: str
-
-
-CONTRADICTIONS = (
-    Contradiction(
-        "Table 1's C2: its sign, the order of its indices, other readings of H",
-        ("table1-c2",),
-        Verdict.CONTRADICTED,
-        "No reading of the printed coefficients gives a modulus that falls with alignment, as section 3.2 says.",
-    ),
-    Contradiction(
-        "Section 3.2 against section 4.1: how C2 and C3 change with alignment",
-        ("c2-trend-discussion", "c2-trend"),
-        Verdict.CONTRADICTED,
-        "Where the trend of C2 is clear it falls with alignment: section 3.2 is right. What C3 does depends on the "
-        "loads and on the range fitted.",
-    ),
-    Contradiction(
-        "xy- and yz-shear (section 2.3) against xy- and xz-shear (sections 2.6 and 3.1)",
-        ("shear-pair",),
-        Verdict.CONTRADICTED,
-        "It matters: constants and quality of the fits differ. Which of the paper's results belong to which pair is "
-        "said in the reason.",
-    ),
-    Contradiction(
-        "The stretches of network 3",
-        ("network3-stretches",),
-        Verdict.CONTRADICTED,
-        "The printed magnitudes do not lead to one averaged stretch, as section 2.3 wants.",
-    ),
-    Contradiction(
-        "Eq. 2 fitted and Eq. 10C run",
-        ("eq2-run-as-eq10c",),
-        Verdict.CONTRADICTED,
-        "They are two laws: with the same constants Eq. 10C stores more energy, and no refit of Eq. 2 can mend that.",
-    ),
-    Contradiction(
-        "One pair of constants a network, whatever the amplitude",
-        ("constants-of-alignment-alone",),
-        Verdict.NOT,
-        "The constants belong to the amplitude up to which they were fitted.",
-    ),
-    Contradiction(
-        "FEBio and the HGO model",
-        ("febio-hgo",),
-        Verdict.NOT,
-        "FEBio has the law, and along Eq. 9 it is nearer to Eq. 2 than the Eq. 10C that was run in its place.",
-    ),
-    Contradiction(
-        "The rows of Figure 3: text against caption",
-        ("figure-3-rows",),
-        Verdict.CONTRADICTED,
-        "Text and caption swap them, and no data decide which is right.",
-    ),
-    Contradiction(
-        "Section 3.1 against section 4.1: families of deformations",
-        ("family-fits", "family-fits-denied"),
-        Verdict.PARTLY,
-        "Each is right of some families and ranges; how many, the reason says.",
-    ),
-)
 # What a verdict means.
 MEANINGS = {
     Verdict.REPRODUCED: "every part of the statement holds here, for most networks where it is about networks",
