@@ -1284,16 +1284,16 @@ MUTATIONS = [
     ),
     Mutation(
         "states of a fit beyond the common stretch",
-        "fibrous_study/audit/refits.py",
+        "fibrous_study/audit/constants.py",
         "beyond = curves.averaged_stretch > stretch",
         "beyond = curves.averaged_stretch < stretch",
         "study/test_audit.py",
     ),
     Mutation(
         "a modulus that falls with alignment",
-        "fibrous_study/audit/trends.py",
-        "rank <= -thresholds.trend_of(self.count)",
-        "rank >= -thresholds.trend_of(self.count)",
+        "fibrous_study/audit/constants.py",
+        "rank <= -self._limit(thresholds)",
+        "rank >= -self._limit(thresholds)",
         "study/test_audit_constants.py",
     ),
     Mutation(

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import rankdata
 
 Array = NDArray[np.float64]
 
@@ -180,6 +179,12 @@ def rank_correlation(first: ArrayLike, second: ArrayLike) -> float:
     >>> round(rank_correlation([1.0, 2.0, 3.0], [1.0, 4.0, 9.0]), 12), rank_correlation([1.0, 1.0], [1.0, 2.0])
     (1.0, 0.0)
     """
-    one, other = (ranks - ranks.mean() for ranks in (rankdata(first), rankdata(second)))
+    one, other = (ranks - ranks.mean() for ranks in map(_ranks, (first, second)))
     size = float(np.linalg.norm(one) * np.linalg.norm(other))
     return float(one @ other) / size if size else 0.0
+
+
+def _ranks(values: ArrayLike) -> Array:
+    """As scipy.stats.rankdata, whose import would cost every job that writes a sentence half a second."""
+    _, group, count = np.unique(np.asarray(values), return_inverse=True, return_counts=True)
+    return (np.cumsum(count) - 0.5 * (count - 1))[group]
