@@ -27,6 +27,7 @@ from fibrous.networks.guard import EquilibriumSolver
 from fibrous_study import datasets, provenance
 from fibrous_study.checkpoint import Checkpoint
 from fibrous_study.stages import Params, stage_params
+from fibrous_study.paper import section
 from fibrous_study.steps import table_2
 from fibrous_study.steps import tissue_coupled as multiscale
 from fibrous_study.steps.hgo_fits import fits_key
@@ -379,6 +380,7 @@ def small_specimen_steps(steps: int):
 def test_table_2_sums_up_what_the_processes_counted(tmp_path):
     form = {"energy": "families", "objective": "stress"}
     config = {"reference": "multiscale", "model": form, "load_set": "set", "loads_used": 0.5}
+    config["paper"] = section("table_2")
     params = {"stage": "fibrous_study.steps.table_2", "config": config, "code_hash": ""}
 
     def written(name: str, seconds: float, **attributes) -> str:

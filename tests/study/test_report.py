@@ -156,9 +156,9 @@ def test_snakemakes_own_report_shows_figures_and_tables(quick, tmp_path):
     done = snakemake(quick[0], f"--report={tmp_path / 'report.html'}")
     assert done.returncode == 0, done.stderr
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
-    for section in SECTIONS:
-        if any(one.stage for one in section.exhibits):
-            assert json.dumps(section.title) in text
+    for part in SECTIONS:
+        if any(one.stage for one in part.exhibits):
+            assert json.dumps(part.title) in text
     for one in exhibits():
         if one.stage:
             assert json.dumps(one.title) in text
