@@ -56,7 +56,7 @@ def test_every_sentence_can_be_written_for_every_verdict(quick):
 def test_a_sentence_that_cannot_be_written_is_an_error_of_one_line(template):
     row = {"claim": "mine", "quantity": "C2", "load_set": "", "value": 1.0, "low": 0.5, "high": 2.0, "printed": 3.0}
     table = pd.DataFrame([{**row, "verdict": "partly"}, {**row, "quantity": "left_out", "verdict": "partly"}])
-    statement = {"id": "mine", "where": "1", "says": "it", "here": "{C2}", "why": "So."}
+    statement = {"id": "mine", "under": "figure_3", "where": "1", "says": "it", "here": "{C2}", "why": "So."}
     assert worded(table, [statement])[0].why == "So."
     with pytest.raises(ConfigError, match=r"config/paper.yaml: why of mine cannot be written .* C2, left_out") as error:
         worded(table, [statement | {"why": template}])

@@ -26,8 +26,8 @@ from fibrous.networks.fiber_law import ExponentialFiber
 from fibrous.networks.guard import EquilibriumSolver
 from fibrous_study import datasets, provenance
 from fibrous_study.checkpoint import Checkpoint
-from fibrous_study.stages import Params, stage_params
 from fibrous_study.paper import section
+from fibrous_study.stages import Params, stage_params
 from fibrous_study.steps import table_2
 from fibrous_study.steps import tissue_coupled as multiscale
 from fibrous_study.steps.hgo_fits import fits_key

@@ -25,11 +25,13 @@ SHORT = {"not reproduced": "not", "contradicted by the paper itself": "contradic
 class Said:
     """A statement as a reader meets it.
 
+    under : the figure or table of the report that it belongs to
     says : what the paper says, with what it prints; here : what came out; spread : the same over replicates, or nothing
     why : the reason of the verdict
     """
 
     id: str
+    under: str
     section: str
     says: str
     here: str
@@ -96,7 +98,9 @@ def _said(name: str, statement: Mapping[str, Any], rows: pd.DataFrame) -> Said:
     if whole["left_out"].value:
         here += f"; networks left out, for want of an equilibrium or of a fit: {whole['left_out']}"
     says = _filled(name, "says", statement["says"], statement.get("printed", {}))
-    return Said(name, str(statement["where"]), says, here, spread, verdict, _filled(name, "why", why, whole))
+    return Said(
+        name, statement["under"], str(statement["where"]), says, here, spread, verdict, _filled(name, "why", why, whole)
+    )
 
 
 def _here(name: str, statement: Mapping[str, Any], rows: pd.DataFrame, ranged: bool) -> Iterator[str]:

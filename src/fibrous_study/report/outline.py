@@ -1,4 +1,6 @@
-"""What the report tells, in order: sections with their figures and tables, and the statements that belong to each.
+"""What the report tells, in order: sections with their figures and tables.
+
+The statements that belong to each say so in config/paper.yaml (`under`).
 
 The rules ask here, too, under which heading Snakemake's own report lists a figure.
 """
@@ -15,23 +17,26 @@ class Exhibit:
     """A figure or a table of the report.
 
     stage : that draws the figure, or nothing; table : name of a view in fibrous_study.report.tables, or nothing
-    title; claims : ids of the statements that it bears on
+    title
     """
 
     title: str
     stage: str = ""
     table: str = ""
-    claims: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """By which statements say that they belong to it."""
+        return self.stage or self.table
 
 
 @dataclass(frozen=True)
 class Section:
-    """A heading, a few sentences, the exhibits below them, and statements that none of these shows."""
+    """A heading, a few sentences, and the exhibits below them."""
 
     title: str
     text: str
     exhibits: tuple[Exhibit, ...]
-    claims: tuple[str, ...] = ()
 
 
 SECTIONS = (
@@ -57,20 +62,12 @@ SECTIONS = (
             Exhibit(
                 "Figure 3. The network deformed, and how its fibres turn",
                 "figure_3",
-                claims=("realignment-spread", "figure-3-rows"),
             ),
             Exhibit(
                 "Figure 5. Energy against averaged stretch, with the fits",
                 "figure_5",
-                claims=(
-                    "curves-converge",
-                    "shear-pair",
-                    "family-fits",
-                    "family-fits-denied",
-                ),
             ),
         ),
-        ("case-alignment", "case-volume-fraction", "newton-iterations"),
     ),
     Section(
         "Constants over alignment",
@@ -80,20 +77,10 @@ SECTIONS = (
             Exhibit(
                 "Figure 6. Five networks, their curves, and the constants over alignment",
                 "figure_6",
-                claims=(
-                    "fit-spread-grows",
-                    "network3-stretches",
-                    "network3-stiffer-transverse",
-                    "c2-trend",
-                    "c2-trend-discussion",
-                    "dissimilar-with-alignment",
-                    "constants-of-alignment-alone",
-                ),
             ),
             Exhibit(
                 "Table 1. Coefficients of Eq. 11, ours and the paper's",
                 table="table_1",
-                claims=("table1-c2", "table1-c3", "surface-r2"),
             ),
             Exhibit(
                 "What both surfaces give where the networks are",
@@ -102,13 +89,6 @@ SECTIONS = (
             Exhibit(
                 "Figure 7. The three-fibre example, computed",
                 "figure_7",
-                claims=(
-                    "fig7-aligned-estimate",
-                    "fig7-aligned-mean",
-                    "fig7-transverse-estimate",
-                    "fig7-transverse-lengths",
-                    "fig7-transverse-stretches",
-                ),
             ),
         ),
     ),
@@ -120,7 +100,6 @@ SECTIONS = (
             Exhibit(
                 "Figure 8. Stress of the network and of the laws fitted to it",
                 "figure_8",
-                claims=("initial-fit-under-eq9", "refit-under-eq9", "eq2-run-as-eq10c"),
             ),
             Exhibit("Errors of the laws under Eq. 9", table="section_2_6_errors"),
         ),
@@ -133,12 +112,10 @@ SECTIONS = (
             Exhibit(
                 "The specimen, its constants and its motion",
                 "figure_specimen",
-                claims=("eq9-isochoric", "febio-hgo"),
             ),
             Exhibit(
                 "Figure 9. Maximum shear of the coupled simulation and of the hybrid method",
                 "figure_9",
-                claims=("hgo-locates-peaks", "hgo-initial-bias", "rms-initial", "rms-refit", "refit-direction"),
             ),
             Exhibit("Errors of every law against the coupled simulation", "figure_comparison"),
             Exhibit("The same as a table", table="comparison"),
@@ -152,14 +129,6 @@ SECTIONS = (
             Exhibit(
                 "Table 2. CPU-hours",
                 table="table_2",
-                claims=(
-                    "time-ensemble",
-                    "time-refit",
-                    "time-fe",
-                    "time-multiscale",
-                    "time-total",
-                    "cost-estimate",
-                ),
             ),
             Exhibit("Where the time of the coupled simulation goes", table="table_2_parts"),
         ),
@@ -215,16 +184,6 @@ TARGETS = {
     "claims": ("all", "every checkable statement of the paper: what came out here, verdict and reason"),
     "all": ("all", "all of this, and the report"),
 }
-
-
-def told() -> tuple[str, ...]:
-    """Ids of all statements in the order in which the report comes to them."""
-    return tuple(
-        id
-        for section in SECTIONS
-        for ids in (section.claims, *(exhibit.claims for exhibit in section.exhibits))
-        for id in ids
-    )
 
 
 def exhibits() -> tuple[Exhibit, ...]:

@@ -13,7 +13,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from fibrous_study.audit.wording import Said
-from fibrous_study.report.outline import MEANINGS, SECTIONS, WORDS, Section, told
+from fibrous_study.report.outline import MEANINGS, SECTIONS, WORDS, Section
 
 Rows = Sequence[Sequence[str]]
 _WIDTH = re.compile(rb'<svg[^>]*?\swidth="([0-9.]+)pt"')
@@ -61,7 +61,6 @@ def report_page(report: Report) -> str:
         sections=[section for section in SECTIONS if _tells(section, report)],
         meanings=MEANINGS,
         words=WORDS,
-        told=told(),
         style=_style(),
         claims={claim.id: claim for claim in report.claims},
         embedded=_embedded,
@@ -72,9 +71,10 @@ def report_page(report: Report) -> str:
 
 def _tells(section: Section, report: Report) -> bool:
     """Whether the run has made anything that a section shows."""
-    ids = {*section.claims, *(id for exhibit in section.exhibits for id in exhibit.claims)}
-    shown = any(one.stage in report.figures or one.table in report.tables for one in section.exhibits)
-    return shown or any(claim.id in ids for claim in report.claims)
+    judged = {claim.under for claim in report.claims}
+    return any(
+        one.stage in report.figures or one.table in report.tables or one.name in judged for one in section.exhibits
+    )
 
 
 def table_page(title: str, headings: Sequence[str], rows: Rows) -> str:
