@@ -51,7 +51,7 @@ def test_chance_makes_no_trend(rng):
 
 
 def test_a_number_of_networks_is_that_of_the_first_and_ranges_over_the_others():
-    (quantity,) = numbers("MPa", "a set", {"C2": 0.1}, C2=np.array([9.0, 2.0, 3.0]))
+    (quantity,) = numbers(unit="MPa", load_set="a set", printed={"C2": 0.1}, C2=np.array([9.0, 2.0, 3.0]))
     assert (quantity.value, quantity.low, quantity.high, quantity.replicates) == (9.0, 2.0, 3.0, 2)
     assert (quantity.unit, quantity.load_set, quantity.printed) == ("MPa", "a set", 0.1)
     (alone,) = numbers(C3=1.0)

@@ -137,7 +137,7 @@ def trends(evidence: Evidence, _: Mapping[str, float], rising: bool) -> Finding:
             rises.append(fits.rises("C2", thresholds))
             nonlinear.append(fits.rises("C3", thresholds))
             held = {"C2_falls": falls[-1], "C2_rises": rises[-1], "C3_rises": nonlinear[-1]}
-            found += numbers(load_set=name, **{f"{key}_{way}": value for key, value in held.items()})
+            found += numbers({f"{key}_{way}": value for key, value in held.items()}, load_set=name)
             found += _of_trend(fits, name, way)
     said, denied = (rises, falls) if rising else (falls, rises)
     aligned = next(iter(own.values())).ensemble.along_x()
@@ -151,12 +151,12 @@ def _of_trend(fits: Fits, load_set: str, way: str) -> list[Quantity]:
     found = []
     for constant, unit in (("C2", "MPa"), ("C3", "1")):
         rank, larger = fits.trend(constant)
-        found += numbers(load_set=load_set, **{f"rank_{constant}_{way}": rank, f"{constant}_larger_in_5_{way}": larger})
+        found += numbers({f"rank_{constant}_{way}": rank, f"{constant}_larger_in_5_{way}": larger}, load_set=load_set)
         pair = {1: getattr(fits.first, constant), 5: getattr(fits.fifth, constant)}
-        found += numbers(unit, load_set, **{f"{constant}_{k}_{way}": values for k, values in pair.items()})
+        found += numbers({f"{constant}_{k}_{way}": values for k, values in pair.items()}, unit=unit, load_set=load_set)
     ranges = {f"lambda_f_{k}_{way}": one.amplitude[0] for k, one in ((1, fits.first), (5, fits.fifth))}
     at_bound = fraction(fits.ensemble.along_x().C3 == 0.0)
-    return [*found, *numbers(load_set=load_set, **{f"C3_at_bound_{way}": at_bound, **ranges})]
+    return [*found, *numbers({f"C3_at_bound_{way}": at_bound, **ranges}, load_set=load_set)]
 
 
 @judges("shear-pair", NAMED, ENSEMBLE)
@@ -179,7 +179,7 @@ def shear_pair(evidence: Evidence, _: Mapping[str, float]) -> Finding:
         case, C3 = evidence.case(evidence.large_fits[name]), fits.C3[like]
         loads = evidence.load_sets[name]
         cut = evidence.ensemble.under(loads).amplitude_limited[like].any(axis=1).sum()
-        found += numbers("MPa", name, C2=case.C2)
+        found += numbers(unit="MPa", load_set=name, C2=case.C2)
         found += numbers(load_set=name, C3=case.C3, r_squared=case.r_squared, lambda_f=case.amplitude[0])
         found += numbers(load_set=name, median_r_squared=np.median(fits.r_squared))
         found += numbers(load_set=name, approach=dissimilarities(evidence, loads)[2])
@@ -227,7 +227,7 @@ def amplitude(evidence: Evidence, _: Mapping[str, float]) -> Finding:
     return Finding(
         Verdict.REPRODUCED if thresholds.mostly(same) else Verdict.NOT,
         [
-            *numbers("MPa", C2_small=small.C2, C2_large=large.C2),
+            *numbers(unit="MPa", C2_small=small.C2, C2_large=large.C2),
             *numbers(C3_small=small.C3, C3_large=large.C3, C2_ratio=small.C2 / large.C2),
             *numbers(lambda_f_small=small.amplitude[0], lambda_f_large=large.amplitude[0]),
             *numbers(same=fraction(same), networks=len(same)),
@@ -294,15 +294,15 @@ def families(evidence: Evidence, _: Mapping[str, float], trusted: bool) -> Findi
                 if group and not (pooled and trusted):
                     true.append(fraction(fitting) if trusted else 1.0 - fraction(fitting))
                 found += numbers(
-                    load_set=load_set, **{f"{word}_{strain}": len(group), f"{word}_fitting_{strain}": sum(fitting)}
+                    {f"{word}_{strain}": len(group), f"{word}_fitting_{strain}": sum(fitting)}, load_set=load_set
                 )
                 found += ends(f"r_squared_{word}_{strain}", [one.r_squared[0] for one in group], load_set)
     for one in fits:
         if one.network == evidence.case_name and not one.pooled:
-            found += numbers(load_set=one.load_set, **{f"r_squared_{'_'.join(one.loads)}_{one.strain}": one.r_squared})
+            found += numbers({f"r_squared_{'_'.join(one.loads)}_{one.strain}": one.r_squared}, load_set=one.load_set)
     for strain in strains:
         within = [good[id(one)] for one in fits if one.strain == strain and not one.pooled]
-        found += numbers(**{f"fitting_{strain}": fraction(within)})
+        found += numbers({f"fitting_{strain}": fraction(within)})
     found += numbers(networks=len({one.network for one in fits}))
     if all(share >= thresholds.most for share in true):
         return Finding(Verdict.REPRODUCED, found)

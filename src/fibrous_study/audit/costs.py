@@ -20,7 +20,7 @@ def time(evidence: Evidence, printed: Mapping[str, float], task: str) -> Finding
     hours = getattr(costs, task)
     ratio = printed["cpu_hours"] / (hours * networks / costs.networks)
     factor = max(ratio, 1.0 / ratio)
-    found = numbers("CPU-hour", cpu_hours=hours, printed=printed)
+    found = numbers(unit="CPU-hour", cpu_hours=hours, printed=printed)
     found += numbers(factor=factor, faster=ratio > 1.0, networks_printed=networks)
     if factor <= thresholds.same_time:
         return Finding(Verdict.REPRODUCED, [*found, *costs.size()])
@@ -38,11 +38,11 @@ def total(evidence: Evidence, printed: Mapping[str, float]) -> Finding:
     return Finding(
         judged([ratio > 1.0, ratio >= wanted / evidence.thresholds.order_of_time]),
         [
-            *numbers("CPU-hour", multiscale=costs.multiscale, hybrid=costs.hybrid, printed=printed),
+            *numbers(unit="CPU-hour", multiscale=costs.multiscale, hybrid=costs.hybrid, printed=printed),
             *numbers(times_hybrid=ratio, printed={"times_hybrid": wanted}),
             *numbers(networks_of_hybrid=of_networks / costs.hybrid, states=states, coupled_states=coupled_states),
-            *numbers("ms", state=3.6e6 * of_networks / states),
-            *numbers("ms", coupled_state=1e3 * costs.multiscale_seconds / coupled_states),
+            *numbers(unit="ms", state=3.6e6 * of_networks / states),
+            *numbers(unit="ms", coupled_state=1e3 * costs.multiscale_seconds / coupled_states),
             *costs.size(),
         ],
     )
@@ -60,7 +60,7 @@ def per_gauss_point(evidence: Evidence, _: Mapping[str, float]) -> Finding:
         [
             *numbers(times_law=network / law, times_run=runs, printed={"times_law": wanted}),
             *numbers(fibers=costs.fibers, nodes=costs.nodes),
-            *numbers("µs", network=1e6 * network, law=1e6 * law),
+            *numbers(unit="µs", network=1e6 * network, law=1e6 * law),
             *costs.size(),
         ],
     )

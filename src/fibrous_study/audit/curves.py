@@ -30,7 +30,7 @@ def alignment(evidence: Evidence, printed: Mapping[str, float]) -> Finding:
     wanted = [printed[name] for name in ("H11", "H22", "H33")]
     off, doubt = float(np.abs(diagonal[:, 0] - wanted).max()), half_of_last_digit(wanted)
     tensor = dict(zip(("H11", "H22", "H33"), diagonal, strict=True))
-    return Finding(judged([off <= doubt]), [*numbers(printed=printed, **tensor), *numbers(off=off, rounding=doubt)])
+    return Finding(judged([off <= doubt]), [*numbers(tensor, printed=printed), *numbers(off=off, rounding=doubt)])
 
 
 @judges("case-volume-fraction")
@@ -105,9 +105,9 @@ def magnitudes(evidence: Evidence, printed: Mapping[str, float]) -> Finding:
     return Finding(
         judged([evidence.thresholds.agrees(ends[0], values)]) if one_stretch else Verdict.CONTRADICTED,
         [
-            *numbers(printed=printed, **dict(zip(pair.loads, ends.T, strict=True))),
+            *numbers(dict(zip(pair.loads, ends.T, strict=True)), printed=printed),
             *numbers(lambda_f=curves.averaged_stretch[0, 0, -1]),
-            *numbers(**{f"lambda_f_of_printed_{load}": one for load, one in zip(pair.loads, stretch, strict=True)}),
+            *numbers({f"lambda_f_of_printed_{load}": one for load, one in zip(pair.loads, stretch, strict=True)}),
         ],
     )
 
@@ -123,8 +123,8 @@ def stiffer_across(evidence: Evidence, _: Mapping[str, float]) -> Finding:
         judged([evidence.thresholds.mostly(one > 1.0) for one in ratio.T]),
         [
             *numbers(x_uniaxial=ratio[:, 0], xy_biaxial=ratio[:, 1], lambda_f=curves.reach[0]),
-            *numbers("MPa", **{f"W_{load}": one for load, one in zip(across.loads, energy.T, strict=True)}),
-            *numbers(**dict(zip(("end_x", "end_xy", "end_xz"), across.magnitude[0, :, -1], strict=True))),
+            *numbers({f"W_{load}": one for load, one in zip(across.loads, energy.T, strict=True)}, unit="MPa"),
+            *numbers(dict(zip(("end_x", "end_xy", "end_xz"), across.magnitude[0, :, -1], strict=True))),
         ],
     )
 
@@ -151,7 +151,7 @@ def rows_of_figure_3(evidence: Evidence, _: Mapping[str, float]) -> Finding:
         stretch, gradient = curves.averaged_stretch[0, 0, -1], curves.deformation_gradient[0, 0, -1]
         cube = 0.5 * (right_cauchy_green(gradient)[0, 0] - 1.0)
         fibers = 0.5 * (stretch**2 - 1.0)
-        found += numbers(**{f"E_cube_{name}": cube, f"E_fibers_{name}": fibers, f"lambda_f_{name}": stretch})
+        found += numbers({f"E_cube_{name}": cube, f"E_fibers_{name}": fibers, f"lambda_f_{name}": stretch})
     return Finding(Verdict.CONTRADICTED, found)
 
 
@@ -200,8 +200,8 @@ def fit_spread(evidence: Evidence, _: Mapping[str, float]) -> Finding:
         rank = rank_correlation(aligned.H11, aligned.r_squared)
         worse = rank <= -thresholds.trend_of(len(aligned.H11))
         parts += [wider, tight, worse]
-        found += numbers(load_set=name, **{f"W_ratio_{k}": one for k, one in enumerate(ratio, 1)})
-        found += numbers(load_set=name, **{f"W_ratio_at_largest_{k}": one for k, one in enumerate(at_largest, 1)})
+        found += numbers({f"W_ratio_{k}": one for k, one in enumerate(ratio, 1)}, load_set=name)
+        found += numbers({f"W_ratio_at_largest_{k}": one for k, one in enumerate(at_largest, 1)}, load_set=name)
         found += numbers(load_set=name, lambda_f=common, wider=wider, tight=tight, rank_r_squared=rank, worse=worse)
         found += numbers(load_set=name, cut=sum(one.amplitude_limited.any(axis=1).sum() for one in curves))
     return Finding(

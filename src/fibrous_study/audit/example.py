@@ -39,7 +39,7 @@ def aligned_mean(evidence: Evidence, printed: Mapping[str, float]) -> Finding:
         [
             *numbers(mean_affine=moved.mean_stretch, mean_balanced=balanced.mean_stretch, printed=printed),
             *numbers(lambda_f=balanced.averaged_stretch),
-            *numbers("kA", force_affine=moved.vertical_force),
+            *numbers(unit="kA", force_affine=moved.vertical_force),
         ],
     )
 
@@ -53,8 +53,8 @@ def transverse_lengths(evidence: Evidence, printed: Mapping[str, float]) -> Find
         judged([evidence.thresholds.agrees([*values.values()], [printed[name] for name in values])]),
         [
             *numbers(L1=values["L1"], L2=values["L2"], printed=printed),
-            *numbers("degree", theta=values["theta"], printed=printed),
-            *numbers("kA", force=abs(state.vertical_force)),
+            *numbers(unit="degree", theta=values["theta"], printed=printed),
+            *numbers(unit="kA", force=abs(state.vertical_force)),
         ],
     )
 
@@ -71,7 +71,7 @@ def transverse_stretches(evidence: Evidence, printed: Mapping[str, float]) -> Fi
     return Finding(
         judged([evidence.thresholds.agrees([*values.values()], [printed[name] for name in values])]),
         [
-            *numbers(printed=printed, **values),
+            *numbers(values, printed=printed),
             *numbers(largest=max(state.fiber_stretches), lambda_f=state.averaged_stretch),
         ],
     )

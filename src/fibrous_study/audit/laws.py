@@ -99,14 +99,15 @@ def initial_fit(evidence: Evidence, _: Mapping[str, float]) -> Finding:
     for law in LAWS:
         of_law = errors(evidence)[law, INITIAL]
         parts += [thresholds.same(of_law.end_ratio), thresholds.mostly(of_law.shape >= thresholds.shape_error)]
-        found += numbers(**{f"{law}_{name}": values for name, values in asdict(of_law).items()})
+        found += numbers({f"{law}_{name}": values for name, values in asdict(of_law).items()})
     return Finding(judged(parts), found)
 
 
 @judges("refit-under-eq9")
 def refit(evidence: Evidence, _: Mapping[str, float]) -> Finding:
     """Section 3.3: the refit largely corrects the shape of the curve; after it, those of σ_xx and of the tensor."""
-    thresholds, parts, found = evidence.thresholds, [], numbers(tension_only=evidence.tension_only)
+    thresholds, found = evidence.thresholds, numbers(tension_only=evidence.tension_only)
+    parts: list[bool] = []
     for law in LAWS:
         before, after = (asdict(errors(evidence)[law, kind]) for kind in (INITIAL, REFIT))
         other_shape = thresholds.mostly(before["shape"] >= thresholds.shape_error)
@@ -116,10 +117,10 @@ def refit(evidence: Evidence, _: Mapping[str, float]) -> Finding:
         }
         held["shape"] = other_shape and held["shape"]
         parts += held.values()
-        found += numbers(**{f"{law}_other_shape": other_shape})
+        found += numbers({f"{law}_other_shape": other_shape})
         for name, corrected in held.items():
-            found += numbers(**{f"{law}_{name}_before": before[name], f"{law}_{name}_after": after[name]})
-            found += numbers(**{f"{law}_{name}_corrected": corrected})
+            found += numbers({f"{law}_{name}_before": before[name], f"{law}_{name}_after": after[name]})
+            found += numbers({f"{law}_{name}_corrected": corrected})
     return Finding(judged(parts), found)
 
 

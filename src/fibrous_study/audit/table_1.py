@@ -56,13 +56,13 @@ def table_1(evidence: Evidence, printed: Mapping[str, Any], constant: str) -> Fi
     falling, rising = [], []
     for name, value in values.items():
         negative, rank = fraction(value < 0.0), rank_correlation(aligned.H11, along[name])
-        found += numbers(**{f"negative_{name}": negative, f"rank_{name}": rank})
+        found += numbers({f"negative_{name}": negative, f"rank_{name}": rank})
         if negative <= 1.0 - thresholds.most:
             falling += [name] if rank <= -limit else []
             rising += [name] if rank >= limit else []
     found += numbers(readings_falling=len(falling), readings_rising=len(rising))
     at = {name: float(evaluate(coefficient, *place)) for name, place in evidence.paper["alignments"].items()}
-    found += numbers("MPa" if constant == "C2" else "1", **{f"printed_{name}": value for name, value in at.items()})
+    found += numbers({f"printed_{name}": value for name, value in at.items()}, unit="MPa" if constant == "C2" else "1")
     apart = {}
     for name, fits in by_set.items():
         ours = getattr(fits, constant)
@@ -89,11 +89,11 @@ def surface_r_squared(evidence: Evidence, printed: Mapping[str, float]) -> Findi
     for name, ours in evidence.surface_r_squared.items():
         near = [abs(ours[constant] - printed[constant]) <= evidence.thresholds.r_squared for constant in CONSTANTS]
         best = max(best, near, key=sum)
-        found += numbers(load_set=name, printed=printed, **ours)
+        found += numbers(ours, load_set=name, printed=printed)
         for constant, held in zip(CONSTANTS, near, strict=True):
             scatter = _scatter(evidence.ensemble_large_fits[name], evidence.large_fits[name], constant)
             words = {"near": held, "unexplained": 1.0 - ours[constant], "scatter": scatter}
-            found += numbers(load_set=name, **{f"{constant}_{word}": value for word, value in words.items()})
+            found += numbers({f"{constant}_{word}": value for word, value in words.items()}, load_set=name)
     return Finding(judged(best), found)
 
 

@@ -46,7 +46,7 @@ def peaks(evidence: Evidence, _: Mapping[str, float]) -> Finding:
     chance = count / len(tissue.multiscale.shear_stress)
     return Finding(
         judged(one >= evidence.thresholds.peak_overlap for one in overlap.values()),
-        [*numbers(**overlap), *numbers(peaks=count, chance=chance), *size],
+        [*numbers(overlap), *numbers(peaks=count, chance=chance), *size],
     )
 
 
@@ -55,7 +55,7 @@ def _opposite(evidence: Evidence, stress: float, strain: float, **others: float)
     change = evidence.thresholds.change
     return Finding(
         judged([stress < 1.0 - change, strain > 1.0 + change]),
-        [*numbers(stress_ratio=stress, strain_ratio=strain, change=change, **others), *evidence.tissue.size()],
+        [*numbers(others, stress_ratio=stress, strain_ratio=strain, change=change), *evidence.tissue.size()],
     )
 
 
@@ -90,8 +90,8 @@ def rms(evidence: Evidence, printed: Mapping[str, Any], refitted: bool) -> Findi
     return Finding(
         Verdict.UNKNOWN,
         [
-            *numbers("MPa", stress_error=stress.rms_error, printed=printed),
-            *numbers("%", strain_error=100.0 * strain.rms_error, printed=printed),
+            *numbers(unit="MPa", stress_error=stress.rms_error, printed=printed),
+            *numbers(unit="%", strain_error=100.0 * strain.rms_error, printed=printed),
             *numbers(stress_relative=stress.relative_rms_error, strain_relative=strain.relative_rms_error),
             *evidence.tissue.size(),
         ],

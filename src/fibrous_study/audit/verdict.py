@@ -52,17 +52,23 @@ class Finding:
 
 
 def numbers(
-    unit: str = "1", load_set: str = "", printed: Mapping[str, Any] | None = None, **values: ArrayLike
+    named: Mapping[str, ArrayLike] | None = None,
+    /,
+    *,
+    unit: str = "1",
+    load_set: str = "",
+    printed: Mapping[str, Any] | None = None,
+    **values: ArrayLike,
 ) -> list[Quantity]:
     """Quantities by their names: each a number, or an array over a network and its replicates, the network first.
 
     `printed` holds the paper's numbers by the same names.
 
-    >>> [(one.value, one.low, one.high) for one in numbers("MPa", C2=[2.0, 1.0, 3.0])]
+    >>> [(one.value, one.low, one.high) for one in numbers(unit="MPa", C2=[2.0, 1.0, 3.0])]
     [(2.0, 1.0, 3.0)]
     """
     quantities = []
-    for name, value in values.items():
+    for name, value in {**(named or {}), **values}.items():
         first, *others = np.ravel(np.asarray(value, dtype=float)).tolist()
         low, high = (min(others), max(others)) if others else (np.nan, np.nan)
         paper = (printed or {}).get(name, np.nan)
@@ -74,7 +80,7 @@ def ends(name: str, values: ArrayLike, load_set: str = "") -> list[Quantity]:
     """Least and largest of values, those that are unknown left out."""
     known = np.asarray(values)[np.isfinite(values)]
     least, largest = (known.min(), known.max()) if known.size else (np.nan, np.nan)
-    return numbers(load_set=load_set, **{f"{name}_least": least, f"{name}_largest": largest})
+    return numbers({f"{name}_least": least, f"{name}_largest": largest}, load_set=load_set)
 
 
 @dataclass(frozen=True)

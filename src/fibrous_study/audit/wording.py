@@ -119,7 +119,7 @@ def _here(name: str, statement: Mapping[str, Any], rows: pd.DataFrame, ranged: b
 def _quantities(rows: pd.DataFrame, load_set: str, ranged: bool) -> dict[str, Written]:
     rows = rows[rows["load_set"] == load_set]
     columns = zip(rows["quantity"], rows["value"], rows["low"], rows["high"], rows["printed"], strict=True)
-    return {str(name): Written(*values, ranged=ranged) for name, *values in columns}
+    return {str(name): Written(*map(float, values), ranged) for name, *values in columns}
 
 
 def _filled(claim: str, key: str, template: str, quantities: Mapping[str, Any]) -> str:
