@@ -27,7 +27,7 @@ from fibrous.curves import Curves
 from fibrous_study.audit import constants as of_constants
 from fibrous_study.audit.checks import CHECKS
 from fibrous_study.audit.constants import constants_up_to, group_fits
-from fibrous_study.audit.verdict import numbers, rank_correlation
+from fibrous_study.audit.verdict import Thresholds, numbers, rank_correlation
 
 
 def test_every_statement_is_judged_and_nothing_else():
@@ -44,7 +44,7 @@ def test_rank_correlation_is_that_of_ranks_with_ties():
 def test_chance_makes_no_trend(rng):
     """One correlation in twenty of independent samples is beyond the limit, from ten networks on."""
     for count in (10, 40):
-        chance = replace(THRESHOLDS, trend=0.0).trend_of(count)
+        chance = Thresholds(**vars(THRESHOLDS) | {"trend": 0.0}).trend_of(count)
         beyond = [abs(rank_correlation(*rng.standard_normal((2, count)))) > chance for _ in range(4000)]
         assert np.mean(beyond) == pytest.approx(0.05, abs=0.015)
     assert THRESHOLDS.trend_of(750) == THRESHOLDS.trend

@@ -45,33 +45,20 @@ def aligned_mean(evidence: Evidence, printed: Mapping[str, float]) -> Finding:
 
 
 @judges("fig7-transverse-lengths")
-def transverse_lengths(evidence: Evidence, printed: Mapping[str, float]) -> Finding:
-    """L1, L2 and θ across the alignment."""
-    state = states(evidence, ACROSS)[1]
-    values = {"L1": state.lengths[0], "L2": state.lengths[1], "theta": state.angle}
-    return Finding(
-        judged([evidence.thresholds.agrees([*values.values()], [printed[name] for name in values])]),
-        [
-            *numbers(L1=values["L1"], L2=values["L2"], printed=printed),
-            *numbers(unit="degree", theta=values["theta"], printed=printed),
-            *numbers(unit="kA", force=abs(state.vertical_force)),
-        ],
-    )
-
-
 @judges("fig7-transverse-stretches")
-def transverse_stretches(evidence: Evidence, printed: Mapping[str, float]) -> Finding:
-    """The stretches of fibres 1 and 2 and the mean of the three across the alignment."""
+def transverse(evidence: Evidence, printed: Mapping[str, float]) -> Finding:
+    """What is printed of the balanced state across the alignment: L1, L2 and θ, or stretches and their mean."""
     state = states(evidence, ACROSS)[1]
-    values = {
-        "stretch_1": state.fiber_stretches[0],
-        "stretch_2": state.fiber_stretches[1],
-        "mean": state.mean_stretch,
-    }
+    lengths = {"L1": state.lengths[0], "L2": state.lengths[1]}
+    stretches = {"stretch_1": state.fiber_stretches[0], "stretch_2": state.fiber_stretches[1]}
+    values = {**lengths, "theta": state.angle, **stretches, "mean": state.mean_stretch}
+    found = numbers({name: values[name] for name in printed if name != "theta"}, printed=printed)
+    found += numbers(unit="degree", theta=state.angle, printed=printed) if "theta" in printed else []
     return Finding(
-        judged([evidence.thresholds.agrees([*values.values()], [printed[name] for name in values])]),
+        judged([evidence.thresholds.agrees([values[name] for name in printed], [*printed.values()])]),
         [
-            *numbers(values, printed=printed),
+            *found,
             *numbers(largest=max(state.fiber_stretches), lambda_f=state.averaged_stretch),
+            *numbers(unit="kA", force=abs(state.vertical_force)),
         ],
     )

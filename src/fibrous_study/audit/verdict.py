@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -105,24 +106,8 @@ def judges(statement: str, *networks: str, **fixed: Any) -> Callable[[Callable[.
     return enter
 
 
-@dataclass(frozen=True)
-class Thresholds:
-    """From when on a statement counts as true; the config says what each means and why."""
-
-    printed_digits: float
-    most: float
-    trend: float
-    change: float
-    same_magnitude: float
-    surface_error: float
-    shape_error: float
-    correction: float
-    confident_r_squared: float
-    r_squared: float
-    orientation: float
-    peak_overlap: float
-    same_time: float
-    order_of_time: float
+class Thresholds(SimpleNamespace):
+    """From when on a statement counts as true: the numbers under `claims` in the config, which says what each means."""
 
     def trend_of(self, count: int) -> float:
         """Rank correlation from which on it is a trend over `count` networks: never below what chance reaches.

@@ -117,9 +117,12 @@ def _here(name: str, statement: Mapping[str, Any], rows: pd.DataFrame, ranged: b
 
 
 def _quantities(rows: pd.DataFrame, load_set: str, ranged: bool) -> dict[str, Written]:
-    rows = rows[rows["load_set"] == load_set]
-    columns = zip(rows["quantity"], rows["value"], rows["low"], rows["high"], rows["printed"], strict=True)
-    return {str(name): Written(*map(float, values), ranged) for name, *values in columns}
+    rows = rows[rows["load_set"] == load_set].set_index("quantity")
+    numbers = rows[["value", "low", "high", "printed"]].to_dict("index")
+    return {
+        str(name): Written(one["value"], one["low"], one["high"], one["printed"], ranged)
+        for name, one in numbers.items()
+    }
 
 
 def _filled(claim: str, key: str, template: str, quantities: Mapping[str, Any]) -> str:
