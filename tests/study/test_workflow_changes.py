@@ -281,7 +281,7 @@ def test_lagged_constants_need_no_curves_of_refits(quick):
             {"figure_3"},
             set(STAGES) - TELLING - {"figure_3", "figure_2", "figure_4"},
         ),
-        ("fibrous/networks/three_fibers.py", {"figure_7", "claims"}, set(STAGES) - TELLING - {"figure_7", "claims"}),
+        ("fibrous_study/three_fibers.py", {"figure_7", "claims"}, set(STAGES) - TELLING - {"figure_7", "claims"}),
         ("fibrous_study/datasets.py", set(STAGES), set()),
     ],
 )
