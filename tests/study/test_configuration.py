@@ -9,7 +9,7 @@ import yaml
 
 from fibrous.errors import ConfigError
 from fibrous_study import plan
-from fibrous_study.configuration import DEFAULT, _merge, loaded, validated
+from fibrous_study.configuration import DEFAULT, _merge, loaded, schema_of_config, validated
 from fibrous_study.variants import variants
 
 SCHEMA_TREE = schema_of_config()
