@@ -118,7 +118,7 @@ class Curves:
         Raises FitError where that is no curve.
         """
         if "network" not in dataset.dims:
-            dataset = dataset.expand_dims("network")
+            dataset = dataset.expand_dims(network=[0]).assign(name=("network", [""]))
         try:
             arrays = {name: dataset[name] for name in cls.__dataclass_fields__ if name in VARIABLES}
             arrays |= {name: arrays[name].where(dataset["converged"]) for name in OF_EQUILIBRIA}

@@ -95,6 +95,8 @@ def test_a_state_that_is_not_found_is_flagged_or_refused(network):
 def test_a_network_is_fixed_and_can_be_sent_to_another_process(network):
     with pytest.raises(FrozenInstanceError):
         network.edge_um = 5.0
+    with pytest.raises(ValueError, match="read-only"):
+        network.node_position[0] = 0.0
     network.stress(F)
     sent = pickle.loads(pickle.dumps(network))
     np.testing.assert_array_equal(sent.stress(F), network.stress(F))

@@ -11,11 +11,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import xarray as xr
 
 from fibrous.errors import DatasetError, NetworkError, naming
 from fibrous.io.netcdf import opened
+from fibrous.io.tables import columns, read_csv
 from fibrous.networks.fiber_law import FiberLaw
 from fibrous.networks.geometry import ON_FACE
 from fibrous.networks.network import LAW, Network, unpacked
@@ -51,7 +51,7 @@ def read_network(
         position, ends, boundary = _arrays(dataset, Path(path))
     else:
         position, boundary = _read_nodes(Path(path))
-        ends = _columns(Path(fibers), ["tail", "head"])
+        ends = columns(Path(fibers), read_csv(Path(fibers), NetworkError), ["tail", "head"], NetworkError)
     with naming(where):
         if fiber is None or edge_um is None:
             raise NetworkError("does not say what its fibers are and how large its cube is; give fiber and edge_um")
@@ -71,32 +71,11 @@ def _only(networks: list[Network]) -> Network:
 
 
 def _read_nodes(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
-    position = _columns(path, ["x", "y", "z"])
-    if "boundary" not in _table(path):
+    table = read_csv(path, NetworkError)
+    position = columns(path, table, ["x", "y", "z"], NetworkError)
+    if "boundary" not in table:
         return position, None
-    return position, _flags(_columns(path, ["boundary"])[:, 0], path)
-
-
-def _columns(path: Path, names: list[str]) -> np.ndarray:
-    table = _table(path)
-    missing = [name for name in names if name not in table]
-    if missing:
-        raise NetworkError(f"{path}: lacks the column '{missing[0]}'; it needs {', '.join(names)}")
-    numbers = table[names].apply(pd.to_numeric, errors="coerce").to_numpy(dtype=float)
-    bad = np.argwhere(~np.isfinite(numbers))
-    if bad.size:
-        raise NetworkError(f"{path}: row {bad[0, 0]} has no finite number in the column '{names[bad[0, 1]]}'")
-    return numbers
-
-
-def _table(path: Path) -> pd.DataFrame:
-    try:
-        table = pd.read_csv(path, skipinitialspace=True)
-    except (OSError, ValueError) as error:
-        raise NetworkError(f"{path}: not a readable CSV file ({' '.join(str(error).split())[:120]})") from None
-    if not isinstance(table.index, pd.RangeIndex):
-        raise NetworkError(f"{path}: has more values in a row than names in its header; name every column")
-    return table.rename(columns=lambda name: str(name).strip())
+    return position, _flags(columns(path, table, ["boundary"], NetworkError)[:, 0], path)
 
 
 def _netcdf(path: Path) -> xr.Dataset:
@@ -109,12 +88,12 @@ def _netcdf(path: Path) -> xr.Dataset:
 
 def _arrays(dataset: xr.Dataset, path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """Positions, fibres and, if the file says so, which nodes are the boundary."""
-    for name, columns in (("node_position", 3), ("fiber_nodes", 2)):
+    for name, width in (("node_position", 3), ("fiber_nodes", 2)):
         if name not in dataset:
             raise NetworkError(f"{path}: lacks the variable '{name}'")
-        if dataset[name].ndim != 2 or dataset[name].shape[1] != columns or dataset[name].dtype.kind not in "iuf":
+        if dataset[name].ndim != 2 or dataset[name].shape[1] != width or dataset[name].dtype.kind not in "iuf":
             found = f"{dataset[name].dtype} of {dataset[name].shape}"
-            raise NetworkError(f"{path}: '{name}' needs numbers of shape (…, {columns}), not {found}")
+            raise NetworkError(f"{path}: '{name}' needs numbers of shape (…, {width}), not {found}")
     if dataset.sizes.get("network", 1) != 1:
         raise NetworkError(f"{path}: holds {dataset.sizes['network']} networks; give one file per network")
     position = dataset["node_position"].to_numpy().astype(float)

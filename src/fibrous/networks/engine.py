@@ -125,7 +125,7 @@ class PathState(NamedTuple):
     indefinite: Count
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Engine:
     """Newton's method for a network with a fibre law, in eight lanes.
 

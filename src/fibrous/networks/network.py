@@ -48,8 +48,9 @@ class Network(Geometry):
     fiber : law, modulus and radius of the fibres, the same for all or with numbers per fibre
     edge_um : edge χ of the cube
 
-    Raises NetworkError, naming the first node or fibre at fault, where there is no network to be loaded (see
-    `geometry.check`), ConfigError where the fibre law has numbers for another number of fibres.
+    Arrays are copied, and cannot be written to. Raises NetworkError, naming the first node or fibre at fault, where
+    there is no network to be loaded (see `geometry.check`), ConfigError where the fibre law has numbers for another
+    number of fibres.
 
     >>> import numpy as np
     >>> from fibrous import Fiber, delaunay
@@ -67,6 +68,10 @@ class Network(Geometry):
     def __post_init__(self) -> None:
         if not 0.0 < self.edge_um < np.inf:
             raise NetworkError(f"edge_um is {self.edge_um}; it must be a number above 0")
+        for name, kind in (("node_position", float), ("node_is_boundary", bool), ("fiber_nodes", np.int64)):
+            array = np.array(getattr(self, name), dtype=kind)
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
         check(self)
         self.fiber.fibers(self.fiber_lengths)
 
@@ -137,8 +142,8 @@ class Network(Geometry):
         tangent : whether to give ∂P_iJ/∂F_kL, MPa, too
 
         Returns a dataset with the dimensions deformation, step, axis and axis_b and the variables of
-        `fibrous.curves.VARIABLES`, all of one network. A state that did not converge, and all that follow under its
-        load, are NaN. Raises LoadError for a load that cannot be made, NetworkError for a mechanism at rest.
+        `fibrous.curves.VARIABLES` that do not tell networks apart. A state that did not converge, and all that follow
+        under its load, are NaN. Raises LoadError for a load that cannot be made, NetworkError for a mechanism at rest.
 
         >>> from fibrous import Fiber, delaunay, loads
         >>> fiber = Fiber(modulus_MPa=10.0, nonlinearity=2.5, radius_um=0.1)
@@ -169,7 +174,7 @@ class Network(Geometry):
         more = self._geometry(response) if geometry else {}
         if tangent:
             more["tangent"] = (("deformation", "step", "axis", "axis_b", "axis_c", "axis_d"), response.tangent)
-        return curves.dataset.isel(network=0).assign(more)
+        return curves.dataset.isel(network=0).drop_vars(["network", "name"]).assign(more)
 
     def save(self, path: str | Path) -> None:
         """Write a NetCDF-4 file that `fibrous.read_network` reads. Raises DatasetError where it cannot be written."""

@@ -67,5 +67,5 @@ def _driven(network: Network, limits: Limits, points: np.ndarray) -> xr.Dataset:
     answers = network.load(cases, points.shape[1], limits=limits, geometry=True).rename(deformation="path")
     # Force over the undeformed section (Eq. 6).
     stress = network.fiber.modulus_MPa * network.fiber.response(answers["fiber_stretch"].values)[0]
-    states = answers.drop_vars("network").assign(fiber_stress=(answers["fiber_stretch"].dims, stress))
+    states = answers.assign(fiber_stress=(answers["fiber_stretch"].dims, stress))
     return states.assign_attrs(edge_length_um=network.edge_um, fiber_radius_um=network.fiber.radius_um)

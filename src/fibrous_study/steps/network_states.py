@@ -24,4 +24,4 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
         states = member.network.load(
             protocol_loads(protocol), protocol["steps"], config["principal_stretch_limit"], limits, geometry=True
         )
-    datasets.write(states.drop_vars("network"), outputs["states"], "states", params)
+    datasets.write(states, outputs["states"], "states", params)
