@@ -103,7 +103,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         networks = Path(folder) / "networks.nc"
         run_stage(
-            "steps.network_ensemble",
+            "networks",
             {**shared, "ensemble": "delaunay", "numbers": numbers, "delaunay": alignment},
             [],
             networks,
