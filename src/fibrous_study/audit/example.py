@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from fractions import Fraction
 
-from fibrous.networks.three_fibers import State, affine, equilibrium
 from fibrous_study.audit.evidence import Evidence
 from fibrous_study.audit.verdict import Finding, Verdict, judged, judges, numbers
+from fibrous_study.three_fibers import State, affine, equilibrium
 
 ALONG, ACROSS = "b", "c"  # panels of Fig. 7
 
