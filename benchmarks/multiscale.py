@@ -20,7 +20,7 @@ os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL
 import numpy as np
 
 from fibrous.fe.solver import LoadStepper
-from fibrous.materials.mixture import Mixture
+from fibrous.materials.contract import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.materials.network import FiberNetworks
 from fibrous.networks import engine, kernels
@@ -28,7 +28,7 @@ from fibrous.networks.fiber_law import ExponentialFiber
 from fibrous.networks.generation import delaunay_network, network_seed
 from fibrous.networks.network import total_length
 from fibrous.networks.path import stress_scale
-from fibrous.specimen import FiberField, RigidMotion, Slab, synthetic_specimen
+from fibrous.specimen import Slab
 
 PARTS = {
     "fibres and assembly": ((kernels, "pull"), (kernels, "assemble")),
@@ -64,7 +64,7 @@ def run(counts, edge_um: float, steps: int, threads: int, meter: Meter | None = 
 
     Elements beyond `distinct` have the networks of the first ones again.
     """
-    specimen = synthetic_specimen(Slab(tuple(counts)), FiberField(), RigidMotion(), steps)
+    specimen = Slab(tuple(counts)).specimen(steps)
     length, tolerance = total_length(0.04, edge_um, 0.1), 0.002 if edge_um > 15.0 else 0.03
     start = time.process_time()
     made = [

@@ -29,7 +29,7 @@ FOURTH = np.array([QUADRUPLES.index(tuple(sorted(index))) for index in np.ndinde
 SECOND = np.array([PAIRS.index((min(index), max(index))) for index in np.ndindex(3, 3)]).reshape(3, 3)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class AffineFibers(PerElement):
     """W = Σ_m v_m w(λ_m) with λ_m = |F N_m| and w the reduced energy of the fibre law (Eq. 6).
 

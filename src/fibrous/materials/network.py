@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from fibrous.clock import Clock
 from fibrous.errors import ConvergenceError, FibrousError, naming
-from fibrous.materials.contract import MaterialError, State
+from fibrous.materials.contract import Material, MaterialError, State
 from fibrous.networks import kernels
 from fibrous.networks.engine import CONVERGED, Engine
 from fibrous.networks.fiber_law import FiberLaw
@@ -63,8 +63,8 @@ def _pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads)
 
 
-@dataclass(frozen=True)
-class FiberNetworks:
+@dataclass(frozen=True, repr=False)
+class FiberNetworks(Material):
     """W = (1/V) Σ kA L w(λ) over the fibres of a network in equilibrium under F, one network per element (Eq. 4.1).
 
     Parameters
@@ -110,6 +110,9 @@ class FiberNetworks:
             Engine.of(network, own, *limits, clock=clock) for network, own in zip(networks, laws, strict=True)
         )
         return cls(engines, scale, 1 + max(engine.size for engine in engines), threads)
+
+    def __repr__(self) -> str:
+        return f"<FiberNetworks: one in each of {len(self.engines)} elements>"
 
     def of_elements(self, elements: slice) -> Self:
         """The same law for a range of elements."""

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Timed:
+class Timed(Material):
     """The same law; `clock` counts what its stress and tangent cost as `part`."""
 
     law: Material

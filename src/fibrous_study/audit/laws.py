@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fibrous.curves import Curves
-from fibrous.material_point import along_path
 from fibrous.materials.contract import Material
-from fibrous.materials.hgo import HGOFamilies, HGOStructureTensor
+from fibrous.materials.registry import LAWS as ALL_LAWS
 from fibrous_study.audit.evidence import Constants
 from fibrous_study.audit.finding import (
     Array,
@@ -28,11 +27,10 @@ from fibrous_study.audit.finding import (
     span,
 )
 
-EQ_2, EQ_10C = "Eq. 2", "Eq. 10C"
 # The law that is fitted, and the one that the finite elements run with the same constants.
+EQ_2, EQ_10C = (ALL_LAWS[name].label for name in ("structure_tensor", "families"))
 LAWS: dict[str, Callable[[Array, float, float, bool], Material]] = {
-    EQ_2: HGOStructureTensor.of_structure_tensor,
-    EQ_10C: HGOFamilies.of_structure_tensor,
+    ALL_LAWS[name].label: ALL_LAWS[name].material.of_structure_tensor for name in ("structure_tensor", "families")
 }
 INITIAL, REFIT = "initial", "refit"
 
@@ -83,9 +81,9 @@ def _constants(path: Curves, fits: Constants, index: int) -> tuple[Array, float,
 
 def _errors(path: Curves, material: Material) -> tuple[float, ...]:
     network, energy = path.cauchy_stress[0, 0, 1:], path.strain_energy_density[0, 0, 1:]
-    response = along_path(material, path.deformation_gradient[0, 0, 1:])
+    gradients = path.deformation_gradient[0, 0, 1:]
     found = np.isfinite(energy)
-    network, law = network[found], response.cauchy_stress[found]
+    network, law = network[found], material.stress(gradients)[found]
     others = np.ones((3, 3), dtype=bool)
     others[0, 0] = False
     along_x = law[:, 0, 0]
@@ -97,7 +95,7 @@ def _errors(path: Curves, material: Material) -> tuple[float, ...]:
         _relative(along_x, network[:, 0, 0]),
         _relative(law[:, others], network[:, others]),
         _relative(law, network),
-        response.strain_energy_density[found][-1] / energy[found][-1],
+        material.energy(gradients)[found][-1] / energy[found][-1],
     )
 
 
@@ -218,7 +216,7 @@ def hgo_in_febio(path: Curves, fits: Constants, tension_only: bool, thresholds: 
         gradient = path.deformation_gradient[i, 0, 1:]
         tensor, C2, C3 = _constants(path, fits, i)
         averaged, families, exact = (
-            along_path(LAWS[law](one, C2, C3, tension_only), gradient).strain_energy_density[-1]
+            LAWS[law](one, C2, C3, tension_only).energy(gradient)[-1]
             for law, one in ((EQ_2, about_one_axis(tensor)), (EQ_10C, tensor), (EQ_2, tensor))
         )
         ratios.append((averaged / exact, families / exact))

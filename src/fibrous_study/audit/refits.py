@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from fibrous.curves import Curves
-from fibrous.fitting import hgo
+from fibrous.fitting.hgo import fit_hgo
 from fibrous_study.audit.evidence import Constants
 
 # λ_f of a state that a load was matched to may miss it by so much.
@@ -20,14 +20,8 @@ def constants_up_to(curves: Curves, largest_C3: float, stretch: float = math.inf
     beyond = curves.averaged_stretch > stretch * (1.0 + ROUNDING)
     part = replace(curves, strain_energy_density=np.where(beyond, np.nan, curves.strain_energy_density))
     fits = [
-        hgo.fit_constants(
-            part.network(i),
-            "structure_tensor",
-            "energy",
-            tension_only=True,  # Eq. 2 is fitted where λ_f > 1, whatever this is
-            largest_C3=largest_C3,
-            slope_fit_below_r_squared=-math.inf,  # the energy, however poor the fit
-        )
+        # Eq. 2 by the energy, however poor the fit.
+        fit_hgo(part.network(i), largest_C3=largest_C3)
         for i in range(len(curves.names))
     ]
     return Constants(

@@ -10,11 +10,13 @@ import numpy as np
 
 from fibrous.clock import Clock
 from fibrous.errors import ConfigError, DatasetError, naming
-from fibrous.fe.solver import LoadStepError, LoadStepper
+from fibrous.fe.solver import LoadStepError
 from fibrous.materials.affine_fibers import AffineFibers
 from fibrous.materials.contract import Material
+from fibrous.materials.registry import LAWS
 from fibrous.networks.network import Network
 from fibrous.specimen import Specimen
+from fibrous.tissue import Solution, solve
 from fibrous_study import datasets
 from fibrous_study.loading import fiber_law, scale_of, unpacked
 from fibrous_study.prediction import Predictor
@@ -38,22 +40,20 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     config = params["config"]
     specimen, networks = read_specimen(inputs["specimen"][0])
     constants = _constants(inputs, config, specimen, networks)
-    fibers = _affine(inputs["networks"], networks) if config["model"]["law"] == "affine" else None
+    fibers = _affine(inputs["networks"], networks) if LAWS[config["model"]["law"]].has_networks else None
     clock = Clock()
     with naming(f"model {config['run']}"):
         material = tissue_material(config, constants, clock, fibers)
-        solver = config["linear_solver"]
-        stepper = LoadStepper.of(specimen.mesh, material, specimen.prescribed, solver, clock=clock)
     failure = None
     try:
-        solution = stepper.follow(specimen.prescribed.values)
+        solution = solve(specimen, material, config["linear_solver"], clock=clock)
     except LoadStepError as error:
-        solution, failure = error.solution, error
+        solution, failure = Solution.of(specimen, error.solution), error
     say(solution.attempts)
     steps = len(solution.converged)
     C2, C3 = (np.tile(values, (steps, 1)) for values in (constants.C2, constants.C3))
-    dataset = tissue_dataset(specimen, solution, C2, C3, constants.structure_tensor, config["matrix"], clock)
-    write_tissue(specimen, dataset, failure, outputs, params)
+    dataset = tissue_dataset(solution, C2, C3, constants.structure_tensor, config["matrix"], clock)
+    write_tissue(solution, dataset, failure, outputs, params)
 
 
 def _constants(
