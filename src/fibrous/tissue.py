@@ -35,7 +35,7 @@ class Solution(Equilibria):
     @classmethod
     def of(cls, specimen: Specimen, equilibria: Equilibria) -> Self:
         """What the finite elements found, with its specimen."""
-        return cls(**vars(equilibria), specimen=specimen)
+        return cls(**vars(equilibria) | {"specimen": specimen})
 
     @property
     def reaction(self) -> Array:

@@ -17,6 +17,7 @@ import jsonschema
 import yaml
 
 from fibrous.errors import ConfigError
+from fibrous.materials.registry import LAWS, WITH_CONSTANTS
 from fibrous_study.contradictions import contradictions
 
 Config = dict[str, Any]
@@ -50,11 +51,14 @@ def validated(config: Mapping[str, Any]) -> Config:
 def schema_of_config() -> dict[str, Any]:
     """The JSON schema of the config. Raises ConfigError where the package does not lie in its checkout."""
     try:
-        return yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))
+        schema = yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))
     except OSError:
         raise ConfigError(
             f"{SCHEMA}: no such file; install the package from its checkout with pip install -e"
         ) from None
+    model = schema["properties"]["tissue"]["properties"]["models"]["items"]["properties"]
+    model["law"]["enum"], model["energy"]["enum"] = [*LAWS], [*WITH_CONSTANTS]
+    return schema
 
 
 def loaded(override: Path | None = None) -> Config:

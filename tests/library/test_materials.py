@@ -6,7 +6,6 @@ from collections import namedtuple
 import mpmath
 import numpy as np
 import pytest
-import yaml
 from conftest import small_network
 from scipy.spatial.transform import Rotation
 
@@ -24,7 +23,6 @@ from fibrous.networks.banded import Assembly
 from fibrous.networks.fiber_law import ExponentialFiber
 from fibrous.networks.network import structure_tensor
 from fibrous.networks.path import stress_scale
-from fibrous_study.configuration import SCHEMA
 
 ELEMENTS = 4
 H_DIAGONAL = np.diag([0.6, 0.3, 0.1])
@@ -320,11 +318,6 @@ def test_the_registry_names_classes_of_the_kinds_that_it_says():
     for law in registry.LAWS.values():
         assert issubclass(law.material, Material)
         assert law.has_constants == issubclass(law.material, HGO)
-    model = yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))["properties"]["tissue"]["properties"]["models"]["items"][
-        "properties"
-    ]
-    assert set(model["energy"]["enum"]) == set(registry.WITH_CONSTANTS)
-    assert set(model["law"]["enum"]) == set(registry.LAWS)
 
 
 @each_law

@@ -38,19 +38,23 @@ class Law:
         return getattr(import_module(module), name)
 
 
+class _Laws(dict[str, Law]):
+    """Laws by name; raises MaterialError for a name that is none."""
+
+    def __missing__(self, name: str) -> Law:
+        raise MaterialError(f"law '{name}' is unknown; choose one of {', '.join(self)}")
+
+
 #: The fibres of a tissue, beside its matrix; `matrix` has none.
-LAWS = {
-    "matrix": Law("matrix alone", "fibrous.materials.neo_hookean:NeoHookean"),
-    "structure_tensor": Law("Eq. 2", "fibrous.materials.hgo:HGOStructureTensor", has_constants=True),
-    "families": Law("Eq. 10C", "fibrous.materials.hgo:HGOFamilies", has_constants=True, in_febio=True),
-    "affine": Law("affine fibres, nothing fitted", "fibrous.materials.affine_fibers:AffineFibers", has_networks=True),
-    "network": Law(
-        "a network at every Gauss point",
-        "fibrous.materials.network:FiberNetworks",
-        has_networks=True,
-        is_solved=True,
+LAWS = _Laws(
+    matrix=Law("matrix alone", "fibrous.materials.neo_hookean:NeoHookean"),
+    structure_tensor=Law("Eq. 2", "fibrous.materials.hgo:HGOStructureTensor", has_constants=True),
+    families=Law("Eq. 10C", "fibrous.materials.hgo:HGOFamilies", has_constants=True, in_febio=True),
+    affine=Law("affine fibres, nothing fitted", "fibrous.materials.affine_fibers:AffineFibers", has_networks=True),
+    network=Law(
+        "a network at every Gauss point", "fibrous.materials.network:FiberNetworks", has_networks=True, is_solved=True
     ),
-}
+)
 WITH_CONSTANTS = [name for name, law in LAWS.items() if law.has_constants]
 
 
