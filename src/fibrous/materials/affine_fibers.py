@@ -42,8 +42,8 @@ class AffineFibers(PerElement):
     Raises MaterialError for directions that are no unit vectors, negative weights, and shapes other than these.
 
     >>> from fibrous.networks.fiber_law import ExponentialFiber
-    >>> one = AffineFibers(np.array([[1.0, 0.0, 0.0]]), np.array([2.0]), ExponentialFiber(2.5))
-    >>> float(one(np.eye(3))[1][0, 0, 0, 0])
+    >>> law = AffineFibers(np.array([[1.0, 0.0, 0.0]]), np.array([2.0]), ExponentialFiber(2.5))
+    >>> float(law.tangent(np.eye(3))[0, 0, 0, 0])
     2.0
     """
 
@@ -116,8 +116,8 @@ class AffineFibers(PerElement):
                 fourth = (weights * axial) @ _products(directions, QUADRUPLES)
                 return np.concatenate([second, fourth], axis=-1)
 
-        found = self._over_blocks(F, moments, len(PAIRS) + len(QUADRUPLES))
-        S, D = found[..., : len(PAIRS)][..., SECOND], found[..., len(PAIRS) :][..., FOURTH]
+        sums = self._over_blocks(F, moments, len(PAIRS) + len(QUADRUPLES))
+        S, D = sums[..., : len(PAIRS)][..., SECOND], sums[..., len(PAIRS) :][..., FOURTH]
         tangent = np.einsum("...kN,...iNJL->...iJkL", F, np.einsum("...iM,...MNJL->...iNJL", F, D))
         for i in range(3):
             tangent[..., i, :, i, :] += S

@@ -71,11 +71,11 @@ def _constants(
             predictor = Predictor.of(dataset, config["surface_protocol"], config["load_set"])
             # The surface speaks of principal axes; a polynomial through scattered constants may dip below zero.
             eigenvalues = np.linalg.eigvalsh(specimen.structure_tensor)[:, ::-1]
-            found = []
+            predictions = []
             for element, values in enumerate(eigenvalues):
                 with naming(f"element {element}"):
-                    found.append(predictor.at(np.diag(values)))
-            C2, C3 = (np.maximum([getattr(one, name) for one in found], 0.0) for name in ("C2_MPa", "C3"))
+                    predictions.append(predictor.at(np.diag(values)))
+            C2, C3 = (np.maximum([getattr(of, name) for of in predictions], 0.0) for name in ("C2_MPa", "C3"))
             return Constants(C2, C3, specimen.structure_tensor)
         case unknown:
             raise ConfigError(f"constants is '{unknown}', must be fit or surface")
@@ -83,14 +83,14 @@ def _constants(
 
 def _affine(paths: list[Path], wanted: np.ndarray) -> Material:
     """The fibres of every element's network, in the order of the elements."""
-    found: dict[int, Network] = {}
+    known: dict[int, Network] = {}
     for path in paths:
         dataset = datasets.read(path, "networks")
         with naming(str(path)):
-            found.update(zip(dataset["network"].values.tolist(), unpacked(dataset), strict=True))
-    missing = [number for number in wanted.tolist() if number not in found]
+            known.update(zip(dataset["network"].values.tolist(), unpacked(dataset), strict=True))
+    missing = [number for number in wanted.tolist() if number not in known]
     if missing:
         raise DatasetError(f"{paths[0].parent}: lacks network {missing[0]}; delete the folder and run again")
     return AffineFibers.of_networks(
-        [found[number] for number in wanted.tolist()], fiber_law(dataset), scale_of(dataset)
+        [known[number] for number in wanted.tolist()], fiber_law(dataset), scale_of(dataset)
     )
