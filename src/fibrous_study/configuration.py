@@ -18,6 +18,7 @@ import yaml
 
 from fibrous.errors import ConfigError
 from fibrous.materials.registry import LAWS, WITH_CONSTANTS
+from fibrous.networks import GENERATORS
 from fibrous_study.contradictions import contradictions
 
 Config = dict[str, Any]
@@ -52,6 +53,7 @@ def schema_of_config() -> dict[str, Any]:
     """The JSON schema of the config. Raises ConfigError where the package does not lie in its checkout."""
     try:
         schema = yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))
+        schema["properties"]["network"]["enum"] = [*GENERATORS, "file"]
     except OSError:
         raise ConfigError(
             f"{SCHEMA}: no such file; install the package from its checkout with pip install -e"

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from fibers import exponential
 
 from fibrous.comparison import COMPONENTS, stress_errors
 from fibrous.materials.affine_fibers import AffineFibers
-from fibrous.networks.fiber_law import ExponentialFiber
 
 END = np.array([[1.239, 0.0, 0.0035], [0.0, 1.048, -0.0014], [-0.0080, 0.102, 0.770]])
 PATH = np.eye(3) + np.linspace(0.0, 1.0, 5)[:, None, None] * (END - np.eye(3))
@@ -13,7 +13,7 @@ TWO_FIBERS, WEIGHTS = np.array([[1.0, 0.0, 0.0], [0.6, 0.8, 0.0]]), np.array([0.
 
 
 def test_a_laws_fibers_may_belong_to_one_element_or_to_all():
-    law = ExponentialFiber(2.5)
+    law = exponential(2.5)
     shared, of_element = (
         AffineFibers(TWO_FIBERS, WEIGHTS, law),
         AffineFibers(TWO_FIBERS[None, None], WEIGHTS[None, None], law),

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
+import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from fibrous.curves import Curves
@@ -90,7 +91,7 @@ def energy_slope(stretch: Array, energy: Array) -> Array:
 
 
 def fit_hgo(
-    curves: Curves,
+    curves: Curves | xr.Dataset,
     law: type[HGO] = HGOStructureTensor,
     objective: Objective = "energy",
     *,
@@ -100,10 +101,11 @@ def fit_hgo(
 ) -> HGOFit:
     """Fit a law to the curves of one network by unweighted least squares, C2 ≥ 0 and 0 ≤ C3 ≤ largest_C3.
 
-    `objective` is the quantity: W, or all components of the Cauchy stress. All states that stretch the law's fibres
-    are pooled: for a law of one term, such as Eq. 2, those with M : C > 1 (λ_f > 1), whatever `tension_only` is; for
-    several, such as families, those where one is stretched or, with `tension_only` False, one has changed its length.
-    A term whose weight passes for rounding (ROUNDING) carries nothing and counts for nothing.
+    `curves` may be what `Network.load` returned. `objective` is the quantity: W, or all components of the Cauchy
+    stress. All states that stretch the law's fibres are pooled: for a law of one term, such as Eq. 2, those with M : C
+    > 1 (λ_f > 1), whatever `tension_only` is; for several, such as families, those where one is stretched or, with
+    `tension_only` False, one has changed its length. A term whose weight passes for rounding (ROUNDING) carries nothing
+    and counts for nothing.
 
     Rules: where no state stretches fibres, C2 = 0 (`zero`, section 2.5); where none of those that does has a value, the
     constants are NaN (`none`). For Eq. 2, energy and one deformation, where R² of the fit is below
@@ -118,6 +120,8 @@ def fit_hgo(
     >>> fit_hgo(Curves.of_network(F, law.structure_tensor, law.energy(F), law.stress(F)))
     <HGOStructureTensor fitted to energy: C2 = 0.1 MPa, C3 = 0.4, R² = 1.0000, 6 points>
     """
+    if isinstance(curves, xr.Dataset):
+        curves = Curves.from_dataset(curves)
     if len(curves.names) != 1:
         raise FitError(f"curves of {len(curves.names)} networks, and constants are fitted to those of one: choose it")
     stretch = curves.averaged_stretch[0]

@@ -11,15 +11,14 @@ from typing import Any
 import numpy as np
 
 from fibrous.clock import Clock
-from fibrous.errors import ConfigError, DatasetError, naming
+from fibrous.errors import ConfigError
 from fibrous.fe.solver import LoadStepError, LoadStepper, Walk
 from fibrous.materials.network import FiberNetworks, NetworkState
-from fibrous.networks.network import Network
+from fibrous.networks.guard import Limits
 from fibrous.specimen import Specimen
 from fibrous.tissue import Solution
-from fibrous_study import datasets
 from fibrous_study.checkpoint import Checkpoint
-from fibrous_study.loading import fiber_law, scale_of, unpacked
+from fibrous_study.loading import networks_of
 from fibrous_study.progress import Progress
 from fibrous_study.provenance import cpu_seconds
 from fibrous_study.solutions import matrix_of, read_specimen, say, tissue_dataset, write_tissue
@@ -111,28 +110,10 @@ def _stepper(
     clock: Clock,
 ) -> tuple[LoadStepper, np.ndarray]:
     """The finite elements with networks, and H of the elements' networks, shape (elements, 3, 3)."""
-    found: dict[int, tuple[Network, np.ndarray]] = {}
-    for path in paths:
-        dataset = datasets.read(path, "networks")
-        with naming(str(path)):
-            networks = unpacked(dataset)
-        tensors = dataset["structure_tensor"].values
-        found.update(zip(dataset["network"].values.tolist(), zip(networks, tensors, strict=True), strict=True))
-    missing = [number for number in numbers.tolist() if number not in found]
-    if missing:
-        raise DatasetError(f"{paths[0].parent}: lacks network {missing[0]}; delete the folder and run again")
-    chosen = [found[number] for number in numbers.tolist()]
-    fibers = FiberNetworks.of(
-        [network for network, _ in chosen],
-        fiber_law(dataset),
-        scale_of(dataset),
-        threads,
-        **config["equilibrium"],
-        clock=clock,
-    )
-    material = matrix_of(config) + fibers
+    networks = networks_of(paths, numbers.tolist())
+    material = matrix_of(config) + FiberNetworks.of(networks, threads, Limits(**config["equilibrium"]), clock)
     stepper = LoadStepper.of(specimen.mesh, material, specimen.prescribed, config["linear_solver"], clock=clock)
-    return stepper, np.array([tensor for _, tensor in chosen])
+    return stepper, np.array([network.structure_tensor for network in networks])
 
 
 def _targets(specimen: Specimen, config: Mapping[str, Any]) -> np.ndarray:
