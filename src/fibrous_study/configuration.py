@@ -17,6 +17,7 @@ import jsonschema
 import yaml
 
 from fibrous.errors import ConfigError
+from fibrous.materials.registry import LAWS, WITH_CONSTANTS
 from fibrous.networks import GENERATORS
 from fibrous_study.contradictions import contradictions
 
@@ -52,11 +53,13 @@ def schema_of_config() -> dict[str, Any]:
     try:
         schema = yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))
         schema["properties"]["network"]["enum"] = [*GENERATORS, "file"]
-        return schema
     except OSError:
         raise ConfigError(
             f"{SCHEMA}: no such file; install the package from its checkout with pip install -e"
         ) from None
+    model = schema["properties"]["tissue"]["properties"]["models"]["items"]["properties"]
+    model["law"]["enum"], model["energy"]["enum"] = [*LAWS], [*WITH_CONSTANTS]
+    return schema
 
 
 def loaded(override: Path | None = None) -> Config:

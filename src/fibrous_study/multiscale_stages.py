@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from fibrous.materials.registry import LAWS
 from fibrous_study import plan
 from fibrous_study.network_stages import SPECIMEN, curves_of, figure, once
 from fibrous_study.paper import paper, section
@@ -76,7 +77,7 @@ def _table_2_inputs(config: Config, _: Wildcards) -> dict[str, list[str]]:
             ]
         ],
         "hybrid": _tissue(*(run.name for run in runs)),
-        "multiscale": _tissue(*(run.name for run in plan.runs(config) if run.model["law"] == "network")),
+        "multiscale": _tissue(*(run.name for run in plan.runs(config) if LAWS[run.model["law"]].is_solved)),
     }
 
 

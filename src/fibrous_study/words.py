@@ -1,4 +1,4 @@
-"""What figures and pages call things that the config calls otherwise."""
+"""What figures and pages call a law and where its constants come from."""
 
 from __future__ import annotations
 
@@ -6,14 +6,10 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-FORMS = {"structure_tensor": "Eq. 2", "families": "Eq. 10C"}
+from fibrous.materials.registry import LAWS
+
 # What was fitted: section 2.5 may fit a slope in place of an energy.
 FITTED = {"energy": "fitted", "slope": "fitted", "stress": "fitted to stress"}
-WITHOUT_CONSTANTS = {
-    "matrix": "matrix alone",
-    "affine": "affine fibres, nothing fitted",
-    "network": "a network at every Gauss point",
-}
 
 
 def law_label(model: Mapping[Any, Any]) -> str:
@@ -22,13 +18,14 @@ def law_label(model: Mapping[Any, Any]) -> str:
     >>> law_label({"law": "families", "constants": "fit", "energy": "structure_tensor", "objective": "energy"})
     'Eq. 2 fitted, Eq. 10C run'
     """
-    if model["law"] in WITHOUT_CONSTANTS:
-        return WITHOUT_CONSTANTS[model["law"]]
+    law = LAWS[model["law"]]
+    if not law.has_constants:
+        return law.label
     if model["constants"] == "surface":
-        return f"surface of Eq. 11, {FORMS[model['law']]} run"
-    fitted = f"{FORMS[model['energy']]} {FITTED[model['objective']]}"
+        return f"surface of Eq. 11, {law.label} run"
+    fitted = f"{LAWS[model['energy']].label} {FITTED[model['objective']]}"
     if model["law"] != model["energy"]:
-        return f"{fitted}, {FORMS[model['law']]} run"
+        return f"{fitted}, {law.label} run"
     return fitted if model["objective"] == "stress" else f"{fitted} and run"
 
 

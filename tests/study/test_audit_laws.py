@@ -21,7 +21,6 @@ from made_up_evidence import (
 )
 
 from fibrous.comparison import Fields
-from fibrous.material_point import along_path
 from fibrous.materials.hgo import HGOFamilies, HGOStructureTensor
 from fibrous.specimen import SYNTHETIC
 from fibrous_study.audit import laws
@@ -34,14 +33,14 @@ def along_eq_9(law, C2: float, C3: float, tensor=CASE):
     """Two networks that answer as a law does."""
     end = np.array(CONFIG["paper"]["eq_9"])
     gradient = np.eye(3) + np.linspace(0.0, 1.0, 21)[:, None, None] * (end - np.eye(3))
-    response = along_path(law(tensor, C2, C3), gradient)
+    material = law(tensor, C2, C3)
     return replace(
         curves().under(("x_uniaxial",)),
         loads=("eq9",),
         structure_tensor=np.broadcast_to(tensor, (2, 3, 3)),
         deformation_gradient=np.tile(gradient, (2, 1, 1, 1, 1)),
-        strain_energy_density=np.tile(response.strain_energy_density, (2, 1, 1)),
-        cauchy_stress=np.tile(response.cauchy_stress, (2, 1, 1, 1, 1)),
+        strain_energy_density=np.tile(material.energy(gradient), (2, 1, 1)),
+        cauchy_stress=np.tile(material.stress(gradient), (2, 1, 1, 1, 1)),
     )
 
 
@@ -74,7 +73,7 @@ def test_shape_is_that_of_the_curve_alone():
     same, bent = of_law["eq_2", laws.INITIAL], of_law["eq_2", laws.REFIT]
     np.testing.assert_allclose(same.shape, 0.0, atol=1e-12)
     assert same.others.min() > 0.5
-    stress = along_path(eq_2(CASE, 0.2, 5.0), path.deformation_gradient[0, 0, 1:]).cauchy_stress[:, 0, 0]
+    stress = eq_2(CASE, 0.2, 5.0).stress(path.deformation_gradient[0, 0, 1:])[:, 0, 0]
     network = path.cauchy_stress[0, 0, 1:, 0, 0]
     # What is left is the part of the network's curve across the law's.
     angle = np.arccos(stress @ network / np.linalg.norm(stress) / np.linalg.norm(network))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fibrous.curves import Curves
 from fibrous.deformation import Load
-from fibrous.fitting import hgo
+from fibrous.fitting.hgo import fit_hgo
 from fibrous.fitting.surface import evaluate
 from fibrous_study.audit.curves import dissimilarities
 from fibrous_study.audit.evidence import Constants, Evidence
@@ -45,17 +45,8 @@ def constants_up_to(curves: Curves, largest_C3: float, stretch: float = math.inf
     """Constants of every network from the energies of all its loads, pooled, in states of λ_f up to `stretch`."""
     beyond = curves.averaged_stretch > stretch * (1.0 + ROUNDING)
     part = replace(curves, strain_energy_density=np.where(beyond, np.nan, curves.strain_energy_density))
-    fits = [
-        hgo.fit_constants(
-            part.network(i),
-            "structure_tensor",
-            "energy",
-            tension_only=True,  # Eq. 2 is fitted where λ_f > 1, whatever this is
-            largest_C3=largest_C3,
-            slope_fit_below_r_squared=-math.inf,  # the energy, however poor the fit
-        )
-        for i in range(len(curves.names))
-    ]
+    # Eq. 2 by the energy, however poor the fit.
+    fits = [fit_hgo(part.network(i), largest_C3=largest_C3) for i in range(len(curves.names))]
     return Constants(
         names=curves.names,
         **dict(zip(("H11", "H22", "H33"), np.einsum("nii->in", curves.structure_tensor), strict=True)),

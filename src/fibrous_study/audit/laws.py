@@ -9,17 +9,16 @@ from functools import cache
 import numpy as np
 
 from fibrous.curves import Curves
-from fibrous.material_point import along_path
 from fibrous.materials.contract import Material
-from fibrous.materials.hgo import HGOFamilies, HGOStructureTensor
+from fibrous.materials.registry import LAWS as ALL_LAWS
 from fibrous_study.audit.evidence import Constants, Evidence
 from fibrous_study.audit.verdict import Array, Finding, Verdict, judged, judges, numbers
 
 EQ_2, EQ_10C = "eq_2", "eq_10c"
 # The law that is fitted, and the law that the finite elements run with the same constants.
 LAWS: dict[str, Callable[[Array, float, float, bool], Material]] = {
-    EQ_2: HGOStructureTensor.of_structure_tensor,
-    EQ_10C: HGOFamilies.of_structure_tensor,
+    EQ_2: ALL_LAWS["structure_tensor"].material.of_structure_tensor,
+    EQ_10C: ALL_LAWS["families"].material.of_structure_tensor,
 }
 INITIAL, REFIT = "initial", "refit"
 
@@ -70,9 +69,9 @@ def _constants(path: Curves, fits: Constants, index: int) -> tuple[Array, float,
 
 def _errors(path: Curves, material: Material) -> tuple[float, ...]:
     network, energy = path.cauchy_stress[0, 0, 1:], path.strain_energy_density[0, 0, 1:]
-    response = along_path(material, path.deformation_gradient[0, 0, 1:])
+    gradients = path.deformation_gradient[0, 0, 1:]
     known = np.isfinite(energy)
-    network, law = network[known], response.cauchy_stress[known]
+    network, law = network[known], material.stress(gradients)[known]
     others = np.ones((3, 3), dtype=bool)
     others[0, 0] = False
     along_x = law[:, 0, 0]
@@ -84,7 +83,7 @@ def _errors(path: Curves, material: Material) -> tuple[float, ...]:
         _relative(along_x, network[:, 0, 0]),
         _relative(law[:, others], network[:, others]),
         _relative(law, network),
-        response.strain_energy_density[known][-1] / energy[known][-1],
+        material.energy(gradients)[known][-1] / energy[known][-1],
     )
 
 
@@ -152,7 +151,7 @@ def hgo_in_febio(evidence: Evidence, _: Mapping[str, float]) -> Finding:
         gradient = path.deformation_gradient[i, 0, 1:]
         tensor, C2, C3 = _constants(path, evidence.refit, i)
         averaged, families, exact = (
-            along_path(LAWS[law](one, C2, C3, evidence.tension_only), gradient).strain_energy_density[-1]
+            LAWS[law](one, C2, C3, evidence.tension_only).energy(gradient)[-1]
             for law, one in ((EQ_2, about_one_axis(tensor)), (EQ_10C, tensor), (EQ_2, tensor))
         )
         ratios.append((averaged / exact, families / exact))
