@@ -13,6 +13,8 @@ from typing import Any
 import pandas as pd
 
 from fibrous.errors import ConfigError
+from fibrous.materials.registry import LAWS, Law
+from fibrous.networks import GENERATORS
 from fibrous_study.batches import replicate_numbers
 
 Config = Mapping[str, Any]
@@ -38,9 +40,9 @@ class Run:
     lagged: bool = False
 
     @property
-    def law(self) -> str:
-        """Name of the law of the fibres."""
-        return self.model["law"]
+    def law(self) -> Law:
+        """The law of the fibres."""
+        return LAWS[self.model["law"]]
 
     @property
     def constants(self) -> str:
@@ -50,7 +52,10 @@ class Run:
 
 def own_networks(config: Config) -> bool:
     """Whether the networks are a user's own. Raises ConfigError for a kind that nobody knows."""
-    return _is_second(config["network"], "network", "delaunay", "file")
+    kind = config["network"]
+    if kind not in (*GENERATORS, "file"):
+        raise ConfigError(f"network is '{kind}', must be {', '.join(GENERATORS)} or file")
+    return bool(kind == "file")
 
 
 def own_specimen(config: Config) -> bool:
@@ -156,7 +161,7 @@ def networks(config: Config) -> list[str]:
     if own_networks(config) or not own_specimen(config):
         return ensembles(config)
     of_surface = any(model.get("constants") == "surface" for model in models)
-    of_elements = any(model["law"] in ("network", "affine") or model.get("constants") == "fit" for model in models)
+    of_elements = any(LAWS[model["law"]].has_networks or model.get("constants") == "fit" for model in models)
     return ["delaunay"] * of_surface + ["tissue"] * of_elements
 
 
@@ -217,7 +222,7 @@ def reference_run(config: Config) -> str:
     """The run against which all others are judged: the first with networks at every load step; empty without one."""
     # A user's own motion says itself how many steps it has.
     steps = None if own_specimen(config) else config["synthetic_specimen"]["load_steps"]
-    coupled = (run for run in runs(config) if run.law == "network")
+    coupled = (run for run in runs(config) if run.law.is_solved)
     return next((run.name for run in coupled if run.model.get("load_steps", steps) == steps), "")
 
 
@@ -236,9 +241,12 @@ def hybrid_runs(config: Config) -> list[Run]:
 
 def tried_models(config: Config) -> list[Config]:
     """Models that section 2.6 tries on one network: those with constants fitted to it, and its fibres alone."""
-    return [
-        model for model in config["tissue"]["models"] if model.get("constants") == "fit" or model["law"] == "affine"
-    ]
+
+    def is_tried(model: Config) -> bool:
+        law = LAWS[model["law"]]
+        return model.get("constants") == "fit" or (law.has_networks and not law.is_solved)
+
+    return [model for model in config["tissue"]["models"] if is_tried(model)]
 
 
 def loads_used(config: Config) -> float:

@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 import platform
+import re
 import resource
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from typing import Any
 SOURCES = Path(__file__).parents[1]
 PACKAGES = ("fibrous", "fibrous_study")
 SIDE_BY_SIDE = ("fibrous_study/steps", "fibrous_study/figures")  # each module a room of its own
+LATER = re.compile(r'"([\w.]+):\w+"')  # what is imported when it is asked for, as "fibrous.materials.hgo:HGOFamilies"
 WORDS = ("fibrous_study.schema",)  # what files are said to hold: results depend on it only where a step uses it
 # Of the checkout; any other commit would make the report again and change nothing in it.
 RESULTS_OF = ("Snakefile", "config", "src", "workflow")
@@ -48,7 +50,7 @@ def room(module: str) -> list[Path]:
 
 
 def imported(module: str) -> set[str]:
-    """`module` and all modules of these packages that its module-level imports reach."""
+    """`module` and all modules of these packages that its module-level imports, or names like `module:class`, reach."""
     reached: set[str] = set()
     waiting = [module]
     while waiting:
@@ -56,7 +58,9 @@ def imported(module: str) -> set[str]:
         if name in reached:
             continue
         reached.add(name)
-        for node in ast.parse(_path(name).read_text(encoding="utf-8")).body:
+        text = _path(name).read_text(encoding="utf-8")
+        waiting += filter(_is_module, LATER.findall(text))
+        for node in ast.parse(text).body:
             if isinstance(node, ast.Import):
                 names = [alias.name for alias in node.names]
             elif isinstance(node, ast.ImportFrom) and node.module:

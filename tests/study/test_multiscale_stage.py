@@ -13,19 +13,20 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from fibers import exponential
 from reference import respond
 from small_study import NETWORK_FILES, SPECIMEN_FILE, small_specimen
 from workflow_runs import job_line, job_of
 
 from fibrous.errors import ConfigError, ConvergenceError
 from fibrous.fe.solver import LoadStepper, Walk
-from fibrous.materials.mixture import Mixture
+from fibrous.materials.contract import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.materials.network import FiberNetworks
-from fibrous.networks.fiber_law import ExponentialFiber
 from fibrous.networks.guard import EquilibriumSolver
 from fibrous_study import datasets, provenance
 from fibrous_study.checkpoint import Checkpoint
+from fibrous_study.paper import section
 from fibrous_study.steps import table_2
 from fibrous_study.steps import tissue_coupled as multiscale
 from fibrous_study.steps.hgo_fits import fits_key
@@ -52,7 +53,7 @@ def test_every_gauss_point_holds_its_network_in_equilibrium(coupled):
     for element, point in ((0, 0), (5, 3), (11, 7)):
         gradients = tissue["deformation_gradient"].values[:, element, point]
         path = np.concatenate([np.eye(3)[None], gradients])
-        alone = respond(EquilibriumSolver.of(coupled.networks()[element], ExponentialFiber(2.5)), path, SCALE)
+        alone = respond(EquilibriumSolver.of(coupled.networks()[element], exponential(2.5)), path, SCALE)
         J = np.linalg.det(gradients)[:, None, None]
         matrix = 2.0 * 0.025 / J * (gradients @ gradients.swapaxes(1, 2) - np.eye(3)) + 0.417 * np.log(J) / J * np.eye(
             3
@@ -64,7 +65,7 @@ def test_every_gauss_point_holds_its_network_in_equilibrium(coupled):
 
 def test_counts_are_those_of_the_library_called_by_hand(coupled):
     specimen, tissue = small_specimen(), coupled.tissue("multiscale")
-    material = Mixture((NeoHookean(0.025, 0.417), FiberNetworks.of(coupled.networks(), ExponentialFiber(2.5), SCALE)))
+    material = Mixture((NeoHookean(0.025, 0.417), FiberNetworks.of(coupled.networks())))
     found = LoadStepper.of(specimen.mesh, material, specimen.prescribed).follow(specimen.prescribed.values)
     assert found.displacement.tobytes() == tissue["displacement"].values.tobytes()
     assert found.newton_iterations.tolist() == tissue["newton_iterations"].values.tolist()
@@ -137,7 +138,7 @@ def stopped(study, tmp_path_factory):
     real = Walk.advance
 
     def once(walk):
-        if walk.record.step == 1:
+        if walk.step == 1:
             raise Stopped
         return real(walk)
 
@@ -261,13 +262,13 @@ def test_arrays_of_another_kind_are_refused(stopped, capsys, change):
     "change",
     [
         lambda notes: notes.clear(),
-        lambda notes: notes.update(record=[1, 2]),
-        lambda notes: notes["record"].update(step="many"),
-        lambda notes: notes["record"].update(step=9),
-        lambda notes: notes["record"].update(increment=float("inf")),
-        lambda notes: notes["record"].update(step=float("inf")),
-        lambda notes: notes["record"].update(used=None),
-        lambda notes: notes["record"].update(attempts=[[1, 2, 3]]),
+        lambda notes: notes.update(walk=[1, 2]),
+        lambda notes: notes["walk"].update(step="many"),
+        lambda notes: notes["walk"].update(step=9),
+        lambda notes: notes["walk"].update(increment=float("inf")),
+        lambda notes: notes["walk"].update(step=float("inf")),
+        lambda notes: notes["walk"].update(linear_solvers=None),
+        lambda notes: notes["walk"].update(attempts=[[1, 2, 3]]),
         lambda notes: notes.update(seconds={"a": "long"}),
     ],
 )
@@ -276,7 +277,7 @@ def test_notes_of_another_kind_leave_the_record_as_it_was(stopped, capsys, chang
     walk = Walk(
         LoadStepper.of(specimen.mesh, NeoHookean(0.025, 0.417), specimen.prescribed), specimen.prescribed.values
     )
-    kept = multiscale._Kept(walk.record, np.zeros((3, 3), dtype=np.int64), {}, 0.0)
+    kept = multiscale._Kept(walk, np.zeros((3, 3), dtype=np.int64), {}, 0.0)
     checkpoint = Checkpoint(stopped.folder / "results/tissue/other.nc", {"stage": "", "config": {}, "code_hash": ""})
     checkpoint.write(kept.arrays, kept.notes)
     checkpoint.path.write_bytes(edited(checkpoint.path.read_bytes(), lambda index: change(index["notes"])))
@@ -330,7 +331,7 @@ def test_a_run_that_fails_keeps_what_converged(other, monkeypatch):
     real = Walk.advance
 
     def fails(walk):
-        if walk.record.step == 1:
+        if walk.step == 1:
             monkeypatch.setattr(walk.stepper.assembly, "evaluate", never)
         return real(walk)
 
@@ -355,13 +356,13 @@ def test_a_walk_goes_on_from_a_record():
     for _ in range(4):
         begun.advance()
     on = Walk(second, specimen.prescribed.values)
-    for array, kept in zip(on.record.arrays, begun.record.arrays, strict=True):
+    for array, kept in zip(on.arrays, begun.arrays, strict=True):
         array[...] = kept
-    on.record.take(json.loads(json.dumps(begun.record.notes)))
+    on.take(json.loads(json.dumps(begun.notes)))
     while not on.is_over:
         on.advance()
     assert on.solution.displacement.tobytes() == whole.displacement.tobytes()
-    assert on.solution.stress.tobytes() == whole.stress.tobytes()
+    assert on.solution.piola.tobytes() == whole.piola.tobytes()
     assert on.solution.attempts == whole.attempts
 
 
@@ -377,6 +378,7 @@ def small_specimen_steps(steps: int):
 def test_table_2_sums_up_what_the_processes_counted(tmp_path):
     form = {"energy": "families", "objective": "stress"}
     config = {"reference": "multiscale", "model": form, "load_set": "set", "loads_used": 0.5}
+    config["paper"] = section("table_2")
     params = {"stage": "fibrous_study.steps.table_2", "config": config, "code_hash": ""}
 
     def written(name: str, seconds: float, **attributes) -> str:
@@ -393,7 +395,7 @@ def test_table_2_sums_up_what_the_processes_counted(tmp_path):
         dataset.to_netcdf(tmp_path / name, engine="netcdf4")
         return tmp_path / name
 
-    parts = json.dumps({"assembly": 1000.0, "factorisation": 500.0})
+    parts = json.dumps({"equilibrium": 1000.0, "condensation": 500.0})
     inputs = {
         "networks": [written("n.nc", 7.2)],
         # Half of the loads and one law of two: what is left is beyond the method.

@@ -9,9 +9,9 @@ from pathlib import Path
 import yaml
 
 from fibrous.errors import FibrousError
-from fibrous.materials.hgo import LAWS
 from fibrous_study import batches, configuration, plan, variants
 from fibrous_study.job import hand_over
+from fibrous_study.paper import paper, section
 from fibrous_study.provenance import code_hash, commit, config_hash
 from fibrous_study.report.outline import SECTIONS, TARGETS, exhibits
 from fibrous_study.report.tables import VIEWS
@@ -127,9 +127,9 @@ def part_of_networks(wildcards):
     if ensemble == "tissue":
         # How many networks there are is only known to who reads the specimen.
         share = {"batch": int(wildcards.batch), "batches": plan.parts(config, ensemble)}
-        return {"ensemble": ensemble, **share, **part("seed", "fiber", "cube")}
+        return {"ensemble": ensemble, **share, **part("seed", "network", "fiber", "cube")}
     numbers = numbers_of(wildcards)
-    found = {"ensemble": ensemble, "numbers": numbers, **part("fiber")}
+    found = {"ensemble": ensemble, "numbers": numbers, **part("network", "fiber")}
     match ensemble:
         case "file":
             cube = part("edge_length_um", of=config["cube"])
@@ -188,14 +188,14 @@ def surface_of_run(wildcards):
 
 def networks_of_run(wildcards):
     """The fibres of each element, where the law is made of them."""
-    return networks_of("tissue") if plan.run_called(config, wildcards.run).law == "affine" else []
+    return networks_of("tissue") if plan.run_called(config, wildcards.run).law.has_networks else []
 
 
 def part_of_run(wildcards):
     run, tissue = plan.run_called(config, wildcards.run), config["tissue"]
     found = {"run": run.name, "model": run.model, "refits": run.refits, **part("matrix")}
     keys = ["linear_solver"]
-    if run.law in LAWS:
+    if run.law.has_constants:
         keys.append("tension_only")
     if run.constants == "surface" or (run.constants == "fit" and (run.lagged or not run.refits)):
         keys.append("load_set")

@@ -109,7 +109,7 @@ rule figure_7:
     resources:
         mem_mb=1000,
     params:
-        **job("figure_7"),
+        **job("figure_7", lambda wildcards: {"paper": section("figure_7")}),
     message:
         "Drawing Figure 7: the three-fibre example, computed"
     shell:

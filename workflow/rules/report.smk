@@ -120,6 +120,7 @@ rule report:
             lambda wildcards: {
                 "figures": [{"stage": name, "caption": configuration.caption(name)} for name in DRAWN],
                 "tables": list(TABLES),
+                "paper": {name: section(name) for name in ("statements", "contradictions")},
                 "other_than_default": [
                     key for key, value in configuration.loaded().items() if TOLD.get(key, value) != value
                 ],

@@ -1,5 +1,7 @@
 # Tables of the paper: the surface of Eq. 11, the laws tried on Eq. 9, the runs of the tissue judged, its statements.
 
+PRINTED = {name: section(name) for name in ("table_1", "alignments")}
+
 
 rule table_1:
     input:
@@ -13,7 +15,7 @@ rule table_1:
     resources:
         mem_mb=1000,
     params:
-        **job("table_1", lambda wildcards: {"delaunay": ALIGNMENTS, **part("surface")}),
+        **job("table_1", lambda wildcards: {"delaunay": ALIGNMENTS, "paper": PRINTED, **part("surface")}),
     message:
         "Fitting the surface of Eq. 11 and setting it beside Table 1"
     shell:
@@ -114,6 +116,7 @@ if plan.reference_run(config) and HYBRID:
                     "model": plan.form_of(HYBRID[0].model),
                     "load_set": config["tissue"]["load_set"],
                     "loads_used": plan.loads_used(config),
+                    "paper": section("table_2"),
                 },
             ),
         message:
@@ -160,7 +163,7 @@ if plan.reference_run(config) and HYBRID and not LAGGED:
             **job(
                 "claims",
                 lambda wildcards: {
-                    "statements": configuration.statements(),
+                    "paper": paper(),
                     "large": ROLES["large"],
                     "protocol": plan.protocol(config, config["tissue"]["protocol"]),
                     **part("case", "survey", of=ROLES),

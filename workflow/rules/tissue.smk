@@ -1,10 +1,10 @@
 # Sections 2.5 to 2.7: finite elements with constants from networks, refits to the deformation found, the coupled run.
 
-COUPLED = [run for run in RUNS if run.law == "network"]
+COUPLED = [run for run in RUNS if run.law.is_solved]
 LAGGED = [run for run in RUNS if run.lagged]
 CONTINUUM = [run for run in RUNS if run not in COUPLED + LAGGED]
 # FEBio can be given families that carry tension alone, with constants that never change.
-IN_FEBIO = [run.name for run in CONTINUUM if run.law == "families" and config["tissue"]["tension_only"]]
+IN_FEBIO = [run.name for run in CONTINUUM if run.law.in_febio and config["tissue"]["tension_only"]]
 TISSUE = expand("results/tissue/{run}.nc", run=[run.name for run in RUNS])
 
 
