@@ -1,4 +1,4 @@
-"""Rule `tables_of_sensitivity`: trials of every variant summed up, in a table and in a sentence for each factor."""
+"""Rule `sensitivity_tables`: trials of every variant summed up, in a table and in a sentence for each factor."""
 
 from __future__ import annotations
 
