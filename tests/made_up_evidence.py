@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from workflow_runs import job_of
 
 from fibrous.curves import Curves
 from fibrous.deformation import Load, averaged_stretch, load_path, matching_magnitude
@@ -17,11 +18,10 @@ from fibrous_study.audit.verdict import Finding, Thresholds, Verdict
 from fibrous_study.audit.wording import printed_numbers
 from fibrous_study.configuration import loaded
 from fibrous_study.paper import section
-from fibrous_study.stages import stage_params
 
 REPRODUCED, PARTLY, NOT, CONTRADICTED, UNKNOWN = Verdict
 PRINTED = {entry["id"]: printed_numbers(entry) for entry in section("statements")}
-CONFIG = stage_params("claims", loaded(), {})["config"]
+CONFIG = job_of(loaded(), "claims").params["config"]
 THRESHOLDS = Thresholds(**CONFIG["claims"])
 LOADS = ("x_uniaxial", "xy_biaxial", "xz_biaxial", "xy_shear", "xz_shear", "yz_shear")
 SETS = {"with_xz": LOADS[:5], "with_yz": (*LOADS[:4], "yz_shear")}

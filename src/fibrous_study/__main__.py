@@ -11,7 +11,7 @@ from pathlib import Path
 
 from fibrous.errors import FibrousError
 from fibrous_study.check import check
-from fibrous_study.configuration import PROJECT, loaded
+from fibrous_study.configuration import PROJECT
 from fibrous_study.datasets import read_table
 from fibrous_study.documentation import described
 from fibrous_study.paper import section
@@ -38,7 +38,7 @@ def main(arguments: list[str] | None = None) -> int:
         if given.command == "readme":
             README.write_text(refreshed(README.read_text(encoding="utf-8")), encoding="utf-8")
             return 0
-        lines, total = check(loaded(given.config), Path())
+        lines, total = check(given.config, Path())
     except FibrousError as error:
         print(error, file=sys.stderr)
         return 1

@@ -7,13 +7,12 @@ from pathlib import Path
 import pandas as pd
 import pytest
 import xarray as xr
-from workflow_runs import quick_config
+from workflow_runs import job_of, quick_config
 
 from fibrous.errors import ConfigError
 from fibrous_study.audit.verdict import Verdict
 from fibrous_study.audit.wording import worded
 from fibrous_study.paper import section
-from fibrous_study.stages import STAGES, stage_params
 
 
 def claims(folder: Path) -> pd.DataFrame:
@@ -78,10 +77,11 @@ def spoilt(quick, tmp_path) -> Path:
 
 def test_networks_without_an_equilibrium_count_for_nothing_and_are_counted(spoilt, monkeypatch):
     monkeypatch.chdir(spoilt)
-    config, stage = quick_config(), STAGES["claims"]
-    inputs = {name: [Path(path) for path in paths] for name, paths in stage.inputs(config, {}).items()}
+    config = quick_config()
+    job = job_of(config, "claims")
+    inputs = {name: [Path(path) for path in paths] for name, paths in job.content["inputs"].items()}
     outputs = {"claims": Path("results/claims.csv")}
-    importlib.import_module(stage.module).run(inputs, outputs, stage_params("claims", config, {}))
+    importlib.import_module(job.params["stage"]).run(inputs, outputs, job.params)
     table = claims(spoilt)
     assert values(table, "networks")["dissimilar-with-alignment"] == config["delaunay"]["networks"] - 1
     lost = values(table, "left_out")

@@ -16,7 +16,7 @@ import xarray as xr
 from fibers import exponential
 from reference import respond
 from small_study import NETWORK_FILES, SPECIMEN_FILE, small_specimen
-from workflow_runs import job_line
+from workflow_runs import job_line, job_of
 
 from fibrous.errors import ConfigError, ConvergenceError
 from fibrous.fe.solver import LoadStepper, Walk
@@ -27,7 +27,6 @@ from fibrous.networks.guard import EquilibriumSolver
 from fibrous_study import datasets, provenance
 from fibrous_study.checkpoint import Checkpoint
 from fibrous_study.paper import section
-from fibrous_study.stages import Params, stage_params
 from fibrous_study.steps import table_2
 from fibrous_study.steps import tissue_coupled as multiscale
 from fibrous_study.steps.hgo_fits import fits_key
@@ -43,7 +42,7 @@ def same_bits(one: xr.Dataset, other: xr.Dataset) -> bool:
 def coupled(study, tmp_path_factory):
     """The study with its unbroken run."""
     whole = study.with_files(tmp_path_factory.mktemp("coupled"), SPECIMEN_FILE, *NETWORK_FILES)
-    whole.run("multiscale", run="multiscale")
+    whole.run("tissue_coupled", run="multiscale")
     return whole
 
 
@@ -83,7 +82,7 @@ def test_the_forces_of_the_bones_balance_and_the_free_nodes_carry_none(coupled):
 
 def test_one_load_step_ends_where_all_of_them_do(coupled):
     """Networks and matrix are conservative."""
-    coupled.run("multiscale", run="multiscale_one_step")
+    coupled.run("tissue_coupled", run="multiscale_one_step")
     one, all_ = coupled.tissue("multiscale_one_step"), coupled.tissue("multiscale")
     assert one.sizes["step"] == 1
     for name, tolerance in (("displacement", 1e-7), ("cauchy_stress", 1e-8)):
@@ -91,15 +90,14 @@ def test_one_load_step_ends_where_all_of_them_do(coupled):
 
 
 def test_load_steps_that_do_not_divide_the_specimens_are_refused(coupled):
-    coupled.config["tissue"]["models"].append({"name": "odd", "law": "network", "load_steps": 2})
+    odd = {"run": "odd", "model": {"name": "odd", "law": "network", "load_steps": 2}}
     with pytest.raises(ConfigError, match="odd has load_steps 2, must divide the specimen's 3"):
-        coupled.run("multiscale", run="odd")
-    coupled.config["tissue"]["models"].pop()
+        coupled.run("tissue_coupled", odd, run="multiscale_one_step")
 
 
 def job(study, *options: str) -> list[str]:
     """The command of the rule."""
-    content = Params(study.config).with_files("multiscale", {"run": "multiscale"})
+    content = job_of(study.config, "tissue_coupled", run="multiscale").content
     return job_line(study.folder, content, *options)
 
 
@@ -147,7 +145,7 @@ def stopped(study, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Walk, "advance", once)
         with pytest.raises(Stopped):
-            begun.run("multiscale", run="multiscale")
+            begun.run("tissue_coupled", run="multiscale")
     return begun
 
 
@@ -159,7 +157,7 @@ def content_of(begun) -> bytes:
 
 
 def checkpoint_of(begun) -> Checkpoint:
-    params = stage_params("multiscale", begun.config, {"run": "multiscale"})
+    params = job_of(begun.config, "tissue_coupled", run="multiscale").params
     return Checkpoint(begun.folder / "results/tissue/multiscale.nc", params)
 
 
@@ -294,7 +292,7 @@ def test_a_checkpoint_of_another_origin_or_a_broken_one_is_ignored(
     coupled, stopped, other, capsys, monkeypatch, change
 ):
     begun = other(SPECIMEN_FILE, *NETWORK_FILES)
-    params = stage_params("multiscale", begun.config, {"run": "multiscale"})
+    params = job_of(begun.config, "tissue_coupled", run="multiscale").params
     if change == "config":
         params["config"] = {**params["config"], "linear_solver": "direct"}
     if change == "code":
@@ -308,7 +306,7 @@ def test_a_checkpoint_of_another_origin_or_a_broken_one_is_ignored(
         broken[-1000] ^= 4
         checkpoint.path.write_bytes(broken)
     monkeypatch.undo()
-    begun.run("multiscale", run="multiscale")
+    begun.run("tissue_coupled", run="multiscale")
     said = capsys.readouterr().err
     assert ("kept by another config" in said) == (change != "content")
     assert ("damaged" in said) == (change == "content")
@@ -342,7 +340,7 @@ def test_a_run_that_fails_keeps_what_converged(other, monkeypatch):
 
     monkeypatch.setattr(Walk, "advance", fails)
     with pytest.raises(ConvergenceError, match=r"model multiscale: step 2: .*element 3, Gauss point 1.*failed\.nc"):
-        begun.run("multiscale", run="multiscale")
+        begun.run("tissue_coupled", run="multiscale")
     failed = datasets.read(begun.folder / "results/tissue/multiscale.failed.nc", "tissue")
     assert failed["converged"].values.tolist() == [True, False, False]
     assert np.isfinite(failed["cauchy_stress"][0]).all()

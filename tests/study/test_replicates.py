@@ -8,9 +8,9 @@ from fibrous_study import datasets
 
 
 def replicates(folder, seeds: int, batch: str = "02"):
-    path = Study(folder, replicates={"seeds": seeds, "batches": 6}).run("networks", ensemble="replicates", batch=batch)[
-        "networks"
-    ]
+    path = Study(folder, replicates={"seeds": seeds, "batches": 6}).run(
+        "network_ensemble", ensemble="replicates", batch=batch
+    )["networks"]
     return datasets.read(path, "networks")
 
 

@@ -14,22 +14,20 @@ import pytest
 import yaml
 from PIL import Image
 from small_study import NO_PARAMS
-from workflow_runs import quick_config, snakemake
+from workflow_runs import job_of, jobs_of, quick_config, snakemake
 
 from fibrous_study import datasets
 from fibrous_study.audit.checks import CHECKS
 from fibrous_study.audit.verdict import Verdict
 from fibrous_study.audit.wording import worded
 from fibrous_study.configuration import CAPTIONS, PROJECT, caption, loaded
-from fibrous_study.jobs import jobs
 from fibrous_study.paper import section
+from fibrous_study.provenance import commit, record
 from fibrous_study.report.headline import headline
 from fibrous_study.report.outline import SECTIONS, TARGETS, exhibits
 from fibrous_study.report.page import table_page
 from fibrous_study.report.readme import duration, filled
 from fibrous_study.report.tables import VIEWS, View, shown
-from fibrous_study.report_stages import GATHERING, commit, flow
-from fibrous_study.stages import STAGES, stage_params
 from fibrous_study.steps import report, stage_costs
 
 LINKING = {"src", "href", "srcset", "action", "data", "poster", "xlink:href"}
@@ -85,6 +83,10 @@ def test_nothing_lies_outside_the_page(page):
     assert {link[1:] for link in page.links if link.startswith("#")} <= set(page.ids)
 
 
+def svg_of(figure: str) -> str:
+    return job_of(quick_config(), figure).content["outputs"]["svg"]
+
+
 def test_every_image_is_the_figure_of_its_name_and_can_be_decoded(quick, page):
     drawn = [one.stage for one in exhibits() if one.stage]
     assert list(page.images) == drawn
@@ -92,7 +94,7 @@ def test_every_image_is_the_figure_of_its_name_and_can_be_decoded(quick, page):
         kind, _, content = link.partition(",")
         assert kind == "data:image/svg+xml;base64"
         svg = base64.b64decode(content, validate=True)
-        assert svg == (quick[0] / STAGES[stage].outputs["svg"]).read_bytes()
+        assert svg == (quick[0] / svg_of(stage)).read_bytes()
         root = ElementTree.fromstring(svg)
         assert root.tag.endswith("svg")
         for image in root.iter("{http://www.w3.org/2000/svg}image"):
@@ -141,7 +143,7 @@ def test_every_contradiction_is_settled_by_statements_that_are_judged(quick, pag
 
 
 def test_every_figure_and_table_of_the_study_has_its_place():
-    figures = {name for name, stage in STAGES.items() if name.startswith("figure_") and not stage.on_demand}
+    figures = {job.rule for job in jobs_of(quick_config()) if job.rule.startswith("figure_")}
     assert {one.stage for one in exhibits() if one.stage} == figures
     assert {one.table for one in exhibits() if one.table} <= set(VIEWS)
     for name in figures:
@@ -223,10 +225,11 @@ def test_costs_are_summed_over_what_a_target_waits_for(tmp_path):
         said = json.loads(beside.read_text()) | {"cpu_seconds": spent, "peak_memory_MB": 10.0 * spent}
         beside.write_text(json.dumps(said))
         files.append(path)
+        params = {"stage": f"fibrous_study.steps.{stages[i]}", "config": {}, "code_hash": ""}
+        record(path, params, {str(tmp_path / f"{j}.csv"): "" for j in reads[i]}, str(i))
     targets = {"figure": ["figure"], "curves": ["curves"], "fits": ["fits"]}
     outputs = {name: tmp_path / f"{name}.csv" for name in ("stages", "targets")}
-    config = {"stages": stages, "reads": reads, "targets": targets}
-    stage_costs.run({"files": files}, outputs, NO_PARAMS | {"config": config})
+    stage_costs.run({"files": files}, outputs, NO_PARAMS | {"config": {"targets": targets}})
     found = pd.read_csv(outputs["targets"]).set_index("target")
     assert found["cpu_seconds"].to_dict() == {"figure": 37.0, "curves": 15.0, "fits": 31.0, "all": 63.0}
     assert found["jobs"].to_dict() == {"figure": 3, "curves": 4, "fits": 5, "all": 6}
@@ -246,27 +249,11 @@ def test_costs_are_summed_over_what_a_target_waits_for(tmp_path):
     }
 
 
-def test_the_flow_is_that_of_the_files():
-    stages = {row["stage"]: row for row in flow(STAGES, quick_config())}
-    assert stages["fits"]["reads"] == ["curves"]
-    assert "refits" in stages["tissue"]["reads"]
-    assert stages["specimen"]["reads"] == []
-    assert set(stages["curves"]["drawn"]) >= {"figure_3", "figure_5", "figure_6"}
-    assert stages["networks"]["jobs"] == 6
-    assert "microstructure" not in stages
-
-
-def test_every_job_says_what_it_costs_in_a_file_that_is_no_picture():
-    for job in jobs(STAGES, quick_config()):
-        assert job.accounted.endswith((".nc", ".csv", ".feb", ".html"))
-
-
 def test_targets_are_those_of_the_workflow():
     rules = " ".join(path.read_text() for path in (PROJECT / "workflow/rules").glob("*.smk"))
     rules += (PROJECT / "Snakefile").read_text()
     for target in TARGETS:
         assert f"rule {target}:" in rules
-        assert target == "all" or set(GATHERING.get(target, (target,))) <= set(STAGES)
 
 
 # Words -------------------------------------------------------------------------------------------------------------
@@ -318,7 +305,7 @@ def test_durations():
 
 def test_a_note_names_what_differs_from_the_default_config():
     def notes(config: dict) -> list[str]:
-        return report._notes(stage_params("report", config, {})["config"]["other_than_default"])
+        return report._notes(job_of(config, "report").params["config"]["other_than_default"])
 
     assert notes(loaded()) == []
     assert "in matrix." in notes(loaded() | {"matrix": {"C1_MPa": 1.0, "lame_lambda_MPa": 1.0}})[0]
