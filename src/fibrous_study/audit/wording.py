@@ -73,7 +73,7 @@ def _written(value: float, spec: str) -> str:
 def printed_numbers(statement: Mapping[str, Any]) -> dict[str, Any]:
     """What the paper prints with a statement: numbers, or lists of them, by name."""
     return {
-        name: [*map(float, value)] if isinstance(value, list) else float(value)
+        name: [np.nan if one is None else float(one) for one in value] if isinstance(value, list) else float(value)
         for name, value in statement.get("printed", {}).items()
     }
 
