@@ -33,6 +33,7 @@ JOB = (
 )
 
 ROLES, RUNS = config["roles"], plan.runs(config)
+RANGES = [ROLES["large"], ROLES["small"]]
 ALIGNMENTS = {key: config["delaunay"][key] for key in ("H11", "smallest_H")}
 STUDY = []  # every file of the whole study in the order in which it is made; each rule adds its own
 REPORT = []  # files that tell of all of these
