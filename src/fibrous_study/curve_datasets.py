@@ -11,6 +11,7 @@ import numpy as np
 from fibrous.curves import Curves
 from fibrous.errors import DatasetError, naming
 from fibrous_study import datasets
+from fibrous_study.schema import KINDS
 
 # Variables that are NaN where `converged` is not set, whatever the file holds there.
 OF_EQUILIBRIA = (
@@ -20,11 +21,11 @@ OF_EQUILIBRIA = (
 
 def write_curves(curves: Curves, path: Path, params: Mapping[str, Any]) -> None:
     """Write curves as `datasets.write` does."""
-    arrays = {name: getattr(curves, name) for name in datasets.CURVES if name != "name"}
+    arrays = {name: getattr(curves, name) for name in KINDS["curves"].variables if name != "name"}
     arrays["name"] = curves.names.astype(object)
     steps = np.arange(curves.magnitude.shape[-1])
     coords = {"network": curves.numbers, "deformation": np.array(curves.loads, dtype=object), "step": steps}
-    datasets.write(datasets.packed(arrays, datasets.CURVES, coords), path, "curves", params)
+    datasets.write(datasets.packed(arrays, "curves", coords), path, "curves", params)
 
 
 def read_curves(paths: Sequence[Path]) -> Curves:
@@ -36,7 +37,7 @@ def read_curves(paths: Sequence[Path]) -> Curves:
     parts: list[Curves] = []
     for path in paths:
         dataset = datasets.read(path, "curves")
-        arrays = {name: dataset[name] for name in Curves.__dataclass_fields__ if name in datasets.CURVES}
+        arrays = {name: dataset[name] for name in Curves.__dataclass_fields__ if name in KINDS["curves"].variables}
         arrays |= {name: dataset[name].where(dataset["converged"]) for name in OF_EQUILIBRIA}
         loads = tuple(str(load) for load in dataset["deformation"].values)
         numbers, names = dataset["network"].values, dataset["name"].values.astype(str)

@@ -1,14 +1,13 @@
-"""What figures and pages call things that the config calls otherwise."""
+"""What figures and pages call the laws that the config names."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
-FORMS = {"structure_tensor": "Eq. 2", "families": "Eq. 10C"}
-# What was fitted: section 2.5 may fit a slope in place of an energy.
-FITTED = {"energy": "fitted", "slope": "fitted", "stress": "fitted to stress"}
-WITHOUT_CONSTANTS = {
+LAWS = {
+    "structure_tensor": "Eq. 2",
+    "families": "Eq. 10C",
     "matrix": "matrix alone",
     "affine": "affine fibres, nothing fitted",
     "network": "a network at every Gauss point",
@@ -21,11 +20,13 @@ def law_label(model: Mapping[Any, Any]) -> str:
     >>> law_label({"law": "families", "constants": "fit", "energy": "structure_tensor", "objective": "energy"})
     'Eq. 2 fitted, Eq. 10C run'
     """
-    if model["law"] in WITHOUT_CONSTANTS:
-        return WITHOUT_CONSTANTS[model["law"]]
+    law, fitted = LAWS[model["law"]], "fitted"
+    if not model["constants"]:
+        return law
     if model["constants"] == "surface":
-        return f"surface of Eq. 11, {FORMS[model['law']]} run"
-    fitted = f"{FORMS[model['energy']]} {FITTED[model['objective']]}"
+        return f"surface of Eq. 11, {law} run"
+    if model["objective"] == "stress":
+        fitted += " to stress"
     if model["law"] != model["energy"]:
-        return f"{fitted}, {FORMS[model['law']]} run"
-    return fitted if model["objective"] == "stress" else f"{fitted} and run"
+        return f"{LAWS[model['energy']]} {fitted}, {law} run"
+    return f"{law} {fitted}" if model["objective"] == "stress" else f"{law} {fitted} and run"

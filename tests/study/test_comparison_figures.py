@@ -7,6 +7,7 @@ import pytest
 import synthetic
 import synthetic_tissue
 from matplotlib.collections import PolyCollection
+from synthetic import whole
 
 from fibrous.fe.fields import green_lagrange_strain, maximum_shear
 from fibrous_study.datasets import read
@@ -139,8 +140,8 @@ def tables():
 def test_errors_are_drawn_as_they_are_written(tmp_path):
     ends, steps = tables()
     paths = {"comparison": tmp_path / "ends.csv", "steps": tmp_path / "steps.csv"}
-    ends.to_csv(paths["comparison"], index=False)
-    steps.to_csv(paths["steps"], index=False)
+    whole(ends, "comparison").to_csv(paths["comparison"], index=False)
+    whole(steps, "comparison_steps").to_csv(paths["steps"], index=False)
     outputs = {key: tmp_path / f"comparison.{key}" for key in ("png", "svg", "data")}
     comparison.run({name: [path] for name, path in paths.items()}, outputs, synthetic.params("comparison"))
     data = pd.read_csv(outputs["data"])

@@ -176,7 +176,7 @@ def write_networks(path, numbers):
 
 
 def write(arrays, kind, path, coords, **about):
-    dataset = datasets.packed(arrays, datasets.KINDS[kind], coords).assign_attrs(about)
+    dataset = datasets.packed(arrays, kind, coords).assign_attrs(about)
     datasets.write(dataset, path, kind, synthetic.params(0))
 
 

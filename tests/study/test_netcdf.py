@@ -183,7 +183,7 @@ def test_a_table_that_may_not_be_read_is_not_to_be_deleted(tmp_path, monkeypatch
         raise PermissionError(errno.EACCES, "Permission denied", str(path))
 
     monkeypatch.setattr(netcdf, "open", denied, raising=False)
-    line = problem(partial(datasets.read_table, columns=("C2",)), path)
+    line = problem(partial(datasets.read_table, name="fits"), path)
     assert "permission" in line
     assert "delete" not in line
 

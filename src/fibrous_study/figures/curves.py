@@ -18,19 +18,6 @@ from fibrous_study.curve_datasets import read_curves
 from fibrous_study.datasets import read_table
 from fibrous_study.figures import style
 
-FIT_COLUMNS = (
-    "name",
-    "load_set",
-    "deformation",
-    "energy",
-    "objective",
-    "lambda_f_max",
-    "C2_MPa",
-    "C3",
-    "C2_half_width_MPa",
-    "C3_half_width",
-    "r_squared",
-)
 # A load whose energy ends above this many times that of the default load set's leaves the panel.
 SHOWN_RATIO = 2.0
 FIT_POINTS = 201
@@ -64,7 +51,7 @@ def curve_table(path: Path, network: str) -> pd.DataFrame:
 
 def pooled_fits(path: Path) -> pd.DataFrame:
     """The rows of a table of fits that belong to a whole load set and to what panels draw, Eq. 2 fitted to energy."""
-    table = read_table(path, FIT_COLUMNS)
+    table = read_table(path, "fits")
     eq_2 = (table["energy"] == "structure_tensor") & (table["objective"] == "energy")
     return table[eq_2 & (table["deformation"] == "all")]
 

@@ -30,10 +30,9 @@ from fibrous_study.figures.flow import Chart, chart
 from fibrous_study.figures.networks import fibers_of
 from fibrous_study.figures.projection import draw_fibers, draw_outline, fit_view
 from fibrous_study.figures.surface_of_mesh import Surface, draw_directions, draw_edges, draw_surface
+from fibrous_study.fit_tables import ALL, LOAD, SINGLE, fits_of
 
 SHOWN = "maximum_shear_stress_MPa"
-FIT_COLUMNS = ("network", "load_set", "deformation", "energy", "objective", "C2_MPa", "C3")
-SINGLE, ALL = "single", "all"
 KPA = 1e3  # in MPa
 ACCENT = "#D55E00"
 TITLES = (
@@ -80,7 +79,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
         _curves(inputs["curves"], network, config["load_set"]["loads"]),
         _constants(inputs["fits"][0], network, config["load_set"]["name"], ALL),
         _curves(inputs["refit_curves"], network, None),
-        _constants(inputs["refits"][0], network, SINGLE, None),
+        _constants(inputs["refits"][0], network, SINGLE, LOAD),
     )
     write_table(curve_points(followed), outputs["data"], params)
     style.save(draw(specimen, runs, followed, config["stages"]), outputs, params)
@@ -270,14 +269,11 @@ def _curves(paths: list[Path], network: int, loads: Sequence[str] | None) -> dic
     return {load: (stretch[i, kept[i]], energy[i, kept[i]]) for i, load in enumerate(curves.loads)}
 
 
-def _constants(path: Path, network: int, load_set: str, deformation: str | None) -> tuple[float, float]:
+def _constants(path: Path, network: int, load_set: str, deformation: str) -> tuple[float, float]:
     """C2 (MPa) and C3 of Eq. 2 that were fitted to the energy of the network under these loads."""
-    table = read_table(path, FIT_COLUMNS)
-    kept = (table["network"] == network) & (table["load_set"] == load_set) & (table["energy"] == "structure_tensor")
-    kept &= table["objective"].isin(("energy", "slope"))  # section 2.5 may fit a slope in place of an energy
-    if deformation is not None:
-        kept &= table["deformation"] == deformation
-    if kept.sum() != 1:
-        raise DatasetError(f"{path}: holds {kept.sum()} fits of network {network} where one is drawn; run again")
-    row = table[kept].iloc[0]
+    fits = fits_of(read_table(path, "fits"), "structure_tensor", "energy", load_set, deformation)
+    fits = fits[fits["network"] == network]
+    if len(fits) != 1:
+        raise DatasetError(f"{path}: holds {len(fits)} fits of network {network} where one is drawn; run again")
+    row = fits.iloc[0]
     return float(row["C2_MPa"]), float(row["C3"])

@@ -21,17 +21,11 @@ PANELS = {"a": ("initial", "initial fit"), "b": ("refit", "refit")}
 NORMAL, SHEAR = ("xx", "yy", "zz"), ("xy", "xz", "yz")
 KPA = 1e3  # in MPa
 MARKER: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 2.6, "mfc": "white", "mec": style.INK, "mew": 0.6}
-COLUMNS = (
-    "model", "constants", "law", "energy", "objective", "step", "magnitude", "averaged_stretch",
-    *(f"sigma_{name}_MPa" for name in (*NORMAL, *SHEAR)),
-)  # fmt: skip
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
     """Draw the table inputs["stresses"]; writes outputs["data"], a row a point, and outputs["png"], outputs["svg"]."""
-    stresses = read_table(inputs["stresses"][0], COLUMNS)
-    texts = ["constants", "law", "energy", "objective"]
-    stresses[texts] = stresses[texts].fillna("")
+    stresses = read_table(inputs["stresses"][0], "section_2_6_stresses")
     write_table(drawn(stresses), outputs["data"], params)
     style.save(draw(stresses), outputs, params)
 

@@ -35,9 +35,8 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
 
     Writes outputs["data"], a row for each error at each load step, and outputs["png"], outputs["svg"].
     """
-    ends = read_table(inputs["comparison"][0], (*LAW, "specimen", *ERRORS))
-    ends[list(LAW)] = ends[list(LAW)].fillna("")
-    steps = read_table(inputs["steps"][0], ("run", "step", *ERRORS))
+    ends = read_table(inputs["comparison"][0], "comparison")
+    steps = read_table(inputs["steps"][0], "comparison_steps")
     write_table(drawn(ends, steps), outputs["data"], params)
     style.save(draw(ends, steps), outputs, params)
 

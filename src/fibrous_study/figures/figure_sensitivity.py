@@ -17,7 +17,7 @@ from matplotlib.transforms import offset_copy
 
 from fibrous_study.datasets import read_table, write_table
 from fibrous_study.figures import style
-from fibrous_study.sensitivity.summary import CASE, QUANTITIES, TRIAL_COLUMNS, completed
+from fibrous_study.sensitivity.summary import CASE, QUANTITIES, completed
 
 # Rows: what is drawn, how many times its value, and the scale of the axis; C3 may be 0.
 ROWS = {
@@ -43,7 +43,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     first. Writes outputs["data"], a row a network, load set and value, and outputs["png"], outputs["svg"].
     """
     config = params["config"]
-    tables = [read_table(path, TRIAL_COLUMNS) for path in inputs["trials"]]
+    tables = [read_table(path, "sensitivity_trials") for path in inputs["trials"]]
     trials = completed(tables, {factor["name"]: factor["own_value"] for factor in config["factors"]})
     table = trials[["factor", "value", "is_base", *CASE, "replicate", *QUANTITIES]]
     write_table(table, outputs["data"], params)

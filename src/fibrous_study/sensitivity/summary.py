@@ -1,7 +1,7 @@
 """Trials of many networks summed up: medians and ranges over seeds, at every value of every factor.
 
-A table of trials has the TRIAL_COLUMNS; `network` is an alignment's name. Trials of the base, at the study's own
-values, have the factor BASE and no value.
+Trials are rows of the table `sensitivity_trials` of the schema; `network` is an alignment's name. Trials of the base,
+at the study's own values, have the factor BASE and no value.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ BASE = "base"
 QUANTITIES = ("C2_MPa", "C3", "r_squared", "stress_error")
 CASE = ["network", "load_set"]
 FAILED = ("states_failed", "judged_states_failed")
-TRIAL_COLUMNS = ("factor", "value", *CASE, "replicate", *QUANTITIES, *FAILED, "loads_limited")
 
 
 def completed(tables: Sequence[pd.DataFrame], own_values: Mapping[str, float]) -> pd.DataFrame:

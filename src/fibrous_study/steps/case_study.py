@@ -19,14 +19,11 @@ from fibrous.materials.contract import Material
 from fibrous.materials.hgo import law_called
 from fibrous_study import datasets
 from fibrous_study.curve_datasets import read_curves
-from fibrous_study.fit_tables import ALL, SINGLE, TENSOR_COLUMNS, fits_of, structure_tensors
+from fibrous_study.fit_tables import ALL, SINGLE, fits_of, structure_tensors
 from fibrous_study.loading import fiber_law, scale_of, unpacked
 
 NETWORK = "network"  # in the column `model`
 INITIAL, REFIT = "initial", "refit"
-FIT_COLUMNS = (
-    "name", "load_set", "deformation", "energy", "objective", *TENSOR_COLUMNS, "C2_MPa", "C3", "r_squared",
-)  # fmt: skip
 # Section 2.5 fits the slope where an energy fit is poor; it stays the energy's fit.
 NOTHING = {"constants": "", "law": "", "energy": "", "objective": "", "C2_MPa": np.nan, "C3": np.nan}
 
@@ -67,8 +64,8 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
         response = along_path(model.material, gradients)
         states.append(_states(model.about, path, response.strain_energy_density, response.cauchy_stress))
         errors += _errors(model, response.cauchy_stress[compared], network[compared])
-    datasets.write_table(pd.concat(states, ignore_index=True), outputs["stresses"], params)
-    datasets.write_table(pd.DataFrame(errors), outputs["errors"], params)
+    datasets.write_table(pd.concat(states, ignore_index=True), outputs["stresses"], params, "section_2_6_stresses")
+    datasets.write_table(pd.DataFrame(errors), outputs["errors"], params, "section_2_6_errors")
 
 
 def _path_of(path: Path, name: str) -> Curves:
@@ -97,7 +94,7 @@ def _models(inputs: Mapping[str, list[Path]], config: Mapping[str, Any], deforma
         elif entry.get("constants") == "fit":
             for constants in (INITIAL, REFIT) if entry.get("refit") else (INITIAL,):
                 with naming(f"{fits[constants]}: model '{entry['name']}'"):
-                    row = _row(datasets.read_table(fits[constants], FIT_COLUMNS), config, entry, groups[constants])
+                    row = _row(datasets.read_table(fits[constants], "fits"), config, entry, groups[constants])
                     yield _fitted(row, entry, constants, config["tension_only"])
 
 

@@ -46,7 +46,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
                 "data": "; ".join(_together([path for name in check.data for path in inputs[name]])) or EQUATIONS,
             }
         )
-    datasets.write_table(pd.DataFrame(rows), outputs["claims"], params)
+    datasets.write_table(pd.DataFrame(rows), outputs["claims"], params, "claims")
 
 
 def statement_of(entry: Mapping[str, Any]) -> Statement:

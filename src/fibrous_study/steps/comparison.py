@@ -34,8 +34,8 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
         ]
         end = {name: value for name, value in rows[-1].items() if name != "step"}
         last.append({**_about(entry, state), **end, "cpu_seconds": state.attrs["cpu_seconds"]})
-    datasets.write_table(pd.DataFrame(last), outputs["comparison"], params)
-    datasets.write_table(pd.DataFrame(grown), outputs["steps"], params)
+    datasets.write_table(pd.DataFrame(last), outputs["comparison"], params, "comparison")
+    datasets.write_table(pd.DataFrame(grown), outputs["steps"], params, "comparison_steps")
 
 
 def _read(path: Path, reference: xr.Dataset) -> xr.Dataset:

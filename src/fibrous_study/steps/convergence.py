@@ -20,7 +20,7 @@ COLUMNS = (
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
     """Write outputs["convergence"], one row for every unconverged state of inputs["curves"]."""
     states, _ = survey(inputs["curves"])
-    write_table(states, outputs["convergence"], params)
+    write_table(states, outputs["convergence"], params, "convergence")
 
 
 def survey(curves: Iterable[Path]) -> tuple[pd.DataFrame, int]:

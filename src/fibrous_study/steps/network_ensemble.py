@@ -93,7 +93,7 @@ def _packed(
         "seed": seeds,
         "name": np.array(names, dtype=object),
     }
-    dataset = datasets.packed(arrays, datasets.NETWORKS, {"network": numbers})
+    dataset = datasets.packed(arrays, "networks", {"network": numbers})
     dataset.attrs.update(
         edge_length_um=cube["edge_length_um"],
         fiber_radius_um=fiber["radius_um"],

@@ -83,5 +83,5 @@ def _driven(engine: Engine, batch: xr.Dataset, points: np.ndarray) -> xr.Dataset
     arrays |= {"fiber_nodes": engine.network.fiber_nodes, "deformation_gradient": gradients}
     paths = np.array([*map(str, range(len(points))), MEAN], dtype=object)
     coords = {"path": paths, "step": np.arange(gradients.shape[1])}
-    states = datasets.packed(arrays, datasets.MICROSTRUCTURE, coords)
+    states = datasets.packed(arrays, "microstructure", coords)
     return states.assign_attrs({name: batch.attrs[name] for name in COPIED})

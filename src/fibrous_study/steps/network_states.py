@@ -36,4 +36,4 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     }
     loads = np.array([load.name for load in network.paths], dtype=object)
     coords = {"deformation": loads, "step": np.arange(gradients.shape[1])}
-    datasets.write(datasets.packed(arrays, datasets.STATES, coords), outputs["states"], "states", params)
+    datasets.write(datasets.packed(arrays, "states", coords), outputs["states"], "states", params)

@@ -29,8 +29,8 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     drawn = [figure["stage"] for figure in config["figures"]]
     figures = dict(zip(drawn, (_svg(path) for path in inputs["figures"]), strict=True))
     paths = dict(zip(config["tables"], inputs["tables"], strict=True))
-    tables = {name: datasets.read_table(path, VIEWS[name].needed) for name, path in paths.items()}
-    claims = tables.get("claims", pd.DataFrame(columns=["verdict"])).fillna("")
+    tables = {name: datasets.read_table(path, name) for name, path in paths.items()}
+    claims = tables.get("claims", pd.DataFrame(columns=["verdict"]))
     page = report_page(
         Report(
             title=TITLE,

@@ -11,7 +11,7 @@ import pandas as pd
 from fibrous_study import datasets
 from fibrous_study.evidence import spoken
 from fibrous_study.sensitivity.sentences import sentences
-from fibrous_study.sensitivity.summary import TRIAL_COLUMNS, completed, summary
+from fibrous_study.sensitivity.summary import completed, summary
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
@@ -21,12 +21,13 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     Raises DatasetError where a table is not one of trials.
     """
     config = params["config"]
-    tables = [datasets.read_table(path, TRIAL_COLUMNS) for path in inputs["trials"]]
+    tables = [datasets.read_table(path, "sensitivity_trials") for path in inputs["trials"]]
     trials = completed(tables, {factor["name"]: factor["own_value"] for factor in config["factors"]})
     units = {factor["name"]: factor["unit"] for factor in config["factors"]}
     table = summary(trials)
     table.insert(1, "unit", table["factor"].map(units))
-    datasets.write_table(table, outputs["table"], params)
+    datasets.write_table(table, outputs["table"], params, "sensitivity")
     words = {entry["name"]: spoken(entry["name"]) for entry in config["load_sets"]}
     said = sentences(trials, words, units)
-    datasets.write_table(pd.DataFrame({"factor": said.keys(), "sentence": said.values()}), outputs["sentences"], params)
+    told = pd.DataFrame({"factor": said.keys(), "sentence": said.values()})
+    datasets.write_table(told, outputs["sentences"], params, "sensitivity_sentences")

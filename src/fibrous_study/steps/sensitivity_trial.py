@@ -33,7 +33,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     """
     config = params["config"]
     rows = [row for entry in config["networks"] for number in entry["numbers"] for row in _rows(entry, number, config)]
-    datasets.write_table(pd.DataFrame(rows), outputs["trials"], params)
+    datasets.write_table(pd.DataFrame(rows), outputs["trials"], params, "sensitivity_trials")
 
 
 def _rows(entry: Mapping[str, Any], number: int, config: Mapping[str, Any]) -> Iterator[dict[str, Any]]:

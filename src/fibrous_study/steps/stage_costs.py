@@ -28,8 +28,8 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
             "versions": [str(one["versions"]) for one in found],
         }
     )
-    datasets.write_table(_stages(table, config["reads"]), outputs["stages"], params)
-    datasets.write_table(_targets(table, config["reads"], config["targets"]), outputs["targets"], params)
+    datasets.write_table(_stages(table, config["reads"]), outputs["stages"], params, "stages")
+    datasets.write_table(_targets(table, config["reads"], config["targets"]), outputs["targets"], params, "targets")
 
 
 def _stages(jobs: pd.DataFrame, reads: Sequence[Sequence[int]]) -> pd.DataFrame:

@@ -14,6 +14,5 @@ from fibrous_study.report.tables import VIEWS, shown
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
     """Write each of `tables`, in the order of the names that the config gives them, to the output of its name."""
     for name, path in zip(params["config"]["tables"], inputs["tables"], strict=True):
-        view = VIEWS[name]
-        headings, rows = shown(read_table(path, view.needed), view)
+        headings, rows = shown(read_table(path, name), VIEWS[name])
         write_bytes(table_page(name.replace("_", " "), headings, rows).encode(), outputs[name], params)

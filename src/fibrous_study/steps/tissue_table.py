@@ -27,7 +27,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
         {**_row(entry, states[entry["name"]]), **_change(states[entry["name"]], states.get(entry["source"]))}
         for entry in runs
     ]
-    datasets.write_table(pd.DataFrame(rows), outputs["table"], params)
+    datasets.write_table(pd.DataFrame(rows), outputs["table"], params, "tissue")
 
 
 def _row(entry: Mapping[str, Any], state: xr.Dataset) -> dict[str, Any]:
