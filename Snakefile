@@ -1,7 +1,6 @@
 # The study of one paper, from random fibres to tissue. `snakemake -j2` runs all of it, `snakemake -j2 figure_3` what one
 # figure needs; other targets: networks, curves, fits, table_1, specimen, tissue, case_study, figure_2, figure_4 to figure_9,
 # figure_specimen, comparison, figure_comparison, table_2, claims, report, microstructure, sensitivity.
-# Which part of the config a stage depends on, and which files it reads and writes: src/fibrous_study/stages.py.
 
 from snakemake.utils import min_version
 
@@ -17,26 +16,22 @@ container: "docker://python:3.11-slim"
 
 include: "workflow/rules/common.smk"
 include: "workflow/rules/networks.smk"
-include: "workflow/rules/surrogates.smk"
 
 
 if not plan.own_networks(config):
 
     include: "workflow/rules/tissue.smk"
-    include: "workflow/rules/multiscale.smk"
-    include: "workflow/rules/sensitivity.smk"
-
-    if plan.has_lagged_constants(config):
-
-        include: "workflow/rules/lagged.smk"
+    include: "workflow/rules/tables.smk"
     include: "workflow/rules/figures.smk"
+    include: "workflow/rules/sensitivity.smk"
     include: "workflow/rules/report.smk"
 
 
 rule all:
     default_target: True
     input:
-        [path for path, _, _ in stages.expected_files(config)],
+        STUDY,
+        REPORT,
     message:
         "All networks, curves, fits, tables and figures of the study"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import importlib
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -11,13 +12,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
+from workflow_runs import job_of
 
-from fibrous.networks.network import Network
-from fibrous.specimen import FiberField, RigidMotion, Slab, Specimen, synthetic_specimen
+from fibrous.networks.network import Network, unpacked
+from fibrous.specimen import FiberField, RigidMotion, Slab, Specimen
 from fibrous_study import datasets, plan
 from fibrous_study.configuration import loaded
-from fibrous_study.loading import unpacked
-from fibrous_study.stages import STAGES, stage_params
 
 ELEMENTS = 12
 SPECIMEN_FILE = "results/tissue/specimen.nc"
@@ -36,10 +36,12 @@ def small_config(**changes: Any) -> dict[str, Any]:
         "cube": {"edge_length_um": 8.0, "alignment_tolerance": 0.01},
         "synthetic_specimen": {"elements": [3, 4, 1], "load_steps": 3, "H11": [0.55, 0.7]},
         "tissue": {"batches": 2},
+        "microstructure": {"elements": [5]},
     }
     for part in (small, changes):
         for key, value in part.items():
             config[key] = config[key] | value if isinstance(value, dict) else value
+    config["microstructure"]["runs"] = [model["name"] for model in config["tissue"]["models"][:1]]
     return config
 
 
@@ -52,7 +54,7 @@ def small_specimen() -> Specimen:
     angles = (numbers[f"{of}_degrees"] for of in ("lowest_row", "deviation", "tilt"))
     rest = (numbers[name] for name in ("H11", "in_plane_share", "correlation_length_mm"))
     motion = RigidMotion(numbers["gap_mm"], numbers["slide_mm"], numbers["rotation_degrees"])
-    return synthetic_specimen(slab, FiberField(config["seed"], *angles, *rest), motion, numbers["load_steps"])
+    return slab.specimen(numbers["load_steps"], FiberField(config["seed"], *angles, *rest), motion)
 
 
 def other_tensors() -> np.ndarray:
@@ -68,12 +70,12 @@ class Study:
     def __init__(self, folder: Path, **changes: Any) -> None:
         self.folder, self.config = folder, small_config(**changes)
 
-    def run(self, stage: str, **wildcards: str) -> dict[str, Path]:
-        """Run one stage on the files of its rule; its outputs by name."""
-        params = stage_params(stage, self.config, wildcards)
-        inputs = STAGES[stage].inputs(self.config, wildcards)
-        outputs = {name: self.folder / path for name, path in STAGES[stage].files(self.config, wildcards).items()}
-        files = {name: [self.folder / path for path in paths] for name, paths in inputs.items()}
+    def run(self, rule: str, changes: Mapping[str, Any] | None = None, **wildcards: str) -> dict[str, Path]:
+        """Run one job of a rule on the files that it names, with `changes` of its part of the config; its outputs."""
+        job = job_of(self.config, rule, **wildcards)
+        files = {name: [self.folder / path for path in paths] for name, paths in job.content["inputs"].items()}
+        outputs = {name: self.folder / path for name, path in job.content["outputs"].items()}
+        params = {**job.params, "config": {**job.params["config"], **(changes or {})}}
         importlib.import_module(params["stage"]).run(files, outputs, params)
         return outputs
 
@@ -81,12 +83,12 @@ class Study:
         """Make specimen and networks, made-up fits, the surface, and runs with initial and refitted constants."""
         self.run("specimen")
         for batch in plan.batches(self.config, "tissue"):
-            self.run("networks", ensemble="tissue", batch=batch)
+            self.run("network_ensemble", ensemble="tissue", batch=batch)
         self.write_fits("section_2_6", made_up_fits("section_3_1", "all"))
         self.write_fits("refit_hgo", made_up_fits("single", "tissue", factor=1.5))
         datasets.place((resources.files("fibrous_study") / "data/surface.nc").read_bytes(), self.folder / SURFACE_FILE)
         for run in ("matrix", "hgo", "hgo_refit"):
-            self.run("tissue", run=run)
+            self.run("tissue_run", run=run)
         return self
 
     def with_files(self, folder: Path, *paths: str, **changes: Any) -> Study:

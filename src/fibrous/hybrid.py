@@ -14,21 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fibrous.curves import Curves
-from fibrous.fe.solver import LoadStepError, LoadStepper, Solution
+from fibrous.deformation import cauchy_stress
+from fibrous.fe.solver import Equilibria, LoadStepError, LoadStepper
 from fibrous.fitting.hgo import HGOFit
-from fibrous.networks.engine import Engine, PathState
+from fibrous.networks.engine import PathState
+from fibrous.networks.guard import LIMITS, Limits
 from fibrous.networks.lanes import LANES
+from fibrous.networks.network import Network
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class FollowedNetwork:
-    """A network's engine, H, shape (3, 3), and what its forces in kA are as stresses, MPa."""
-
-    engine: Engine
-    structure_tensor: Array
-    stress_scale_MPa: float
 
 
 @dataclass(frozen=True)
@@ -40,7 +34,7 @@ class LaggedSolution:
     lost_states : (network, step) of the states that found no equilibrium; the fits leave them out
     """
 
-    solution: Solution
+    solution: Equilibria
     C2: Array
     C3: Array
     last_changes: Array
@@ -63,15 +57,18 @@ class LaggedRefit:
     stepper_of : the finite elements with constants C2 (MPa) and C3, shape (elements,)
     networks : of the elements, in their order
     fit : constants from the one curve of a network
+    limits : of the search for the networks' equilibria
     """
 
     def __init__(
         self,
         stepper_of: Callable[[Array, Array], LoadStepper],
-        networks: Sequence[FollowedNetwork],
+        networks: Sequence[Network],
         fit: Callable[[Curves], HGOFit],
+        limits: Limits = LIMITS,
     ) -> None:
         self.stepper_of, self.networks, self.fit = stepper_of, networks, fit
+        self.engines = [network.engine(limits) for network in networks]
 
     def follow(self, targets: Array, C2: Array, C3: Array, repetitions: int) -> LaggedSolution:
         """Equilibria at prescribed values, shape (steps, prescribed), mm, from initial constants, shape (elements,).
@@ -83,7 +80,7 @@ class LaggedRefit:
         steps, elements = len(targets), len(self.networks)
         states: list[PathState | None] = [None] * elements
         record = _Record(steps, elements)
-        solved: list[list[Solution]] = []
+        solved: list[list[Equilibria]] = []
         constants = np.full((2, steps, elements), np.nan)
         changes: list[Array] = []
 
@@ -114,13 +111,13 @@ class LaggedRefit:
         return found()
 
     def _driven(
-        self, part: Solution, step: int, before: list[PathState | None], record: _Record
+        self, part: Equilibria, step: int, before: list[PathState | None], record: _Record
     ) -> list[PathState | None]:
         """States of the networks under their elements' average F; one that is lost waits at the state before."""
         gradients = part.deformation_gradient[0].mean(axis=1)
         states = list(before)
-        for k, (network, gradient) in enumerate(zip(self.networks, gradients, strict=True)):
-            engine, scale = network.engine, network.stress_scale_MPa
+        for k, (engine, gradient) in enumerate(zip(self.engines, gradients, strict=True)):
+            scale = self.networks[k].stress_unit_MPa
             start = before[k] or engine.rest()
             state = engine.advance(start, np.repeat(gradient[..., None], LANES, axis=-1))
             record.gradient[step + 1, k] = gradient
@@ -131,7 +128,7 @@ class LaggedRefit:
             states[k] = state
             W, P, _ = engine.measures()
             record.energy[step + 1, k] = scale * W[0]
-            record.stress[step + 1, k] = scale * P[..., 0] @ gradient.T / np.linalg.det(gradient)
+            record.stress[step + 1, k] = cauchy_stress(scale * P[..., 0], gradient)
         return states
 
     def _fitted(self, record: _Record, step: int, C2: Array, C3: Array) -> tuple[Array, Array]:
@@ -148,14 +145,14 @@ class _Record:
         self.gradient = np.tile(np.eye(3), (steps + 1, networks, 1, 1))
         self.energy, self.stress = np.zeros((steps + 1, networks)), np.zeros((steps + 1, networks, 3, 3))
 
-    def curve(self, k: int, step: int, network: FollowedNetwork) -> Curves:
+    def curve(self, k: int, step: int, network: Network) -> Curves:
         """The curve of network `k` up to a load step, itself included."""
         upto = slice(0, step + 2)
         F, energy, stress = (array[None, upto, k] for array in (self.gradient, self.energy, self.stress))
         return Curves.of_network(F, network.structure_tensor, energy, stress)
 
 
-def _joined(solved: Sequence[Sequence[Solution]], steps: int) -> Solution:
+def _joined(solved: Sequence[Sequence[Equilibria]], steps: int) -> Equilibria:
     """One solution from those of single steps, the last of each step counting; steps that are missing did not converge.
 
     What was spent on a step, and the attempts, are those of all its solutions.
@@ -163,7 +160,7 @@ def _joined(solved: Sequence[Sequence[Solution]], steps: int) -> Solution:
     last = [solutions[-1] for solutions in solved]
     fields = {
         name: np.concatenate([getattr(part, name) for part in last])
-        for name in ("displacement", "internal_force", "deformation_gradient", "stress", "converged")
+        for name in ("displacement", "internal_force", "deformation_gradient", "piola", "converged")
     }
     for name in ("newton_iterations", "cuts"):
         fields[name] = np.concatenate([sum(getattr(one, name) for one in solutions) for solutions in solved])
@@ -179,4 +176,4 @@ def _joined(solved: Sequence[Sequence[Solution]], steps: int) -> Solution:
         for one in solutions
         for attempt in one.attempts
     )
-    return Solution(**arrays, linear_solvers=dict(solvers), state=last[-1].state, attempts=attempts)
+    return Equilibria(**arrays, linear_solvers=dict(solvers), state=last[-1].state, attempts=attempts)

@@ -11,8 +11,9 @@ from pathlib import Path
 
 from fibrous.errors import FibrousError
 from fibrous_study.check import check
-from fibrous_study.configuration import PROJECT, loaded
+from fibrous_study.configuration import PROJECT
 from fibrous_study.datasets import read_table
+from fibrous_study.paper import section
 from fibrous_study.report.readme import blocks, filled
 from fibrous_study.schema import described
 
@@ -36,7 +37,7 @@ def main(arguments: list[str] | None = None) -> int:
         if given.command == "readme":
             README.write_text(refreshed(README.read_text(encoding="utf-8")), encoding="utf-8")
             return 0
-        lines, total = check(loaded(given.config), Path())
+        lines, total = check(given.config, Path())
     except FibrousError as error:
         print(error, file=sys.stderr)
         return 1
@@ -56,7 +57,7 @@ def refreshed(page: str) -> str:
     """The README with the numbers of the run that it shows. Raises DatasetError for a table that cannot be read."""
     names = ("claims", "comparison", "stages", "table_2", "targets")
     tables = {name: read_table(SHOWN_RUN / f"{name}.csv", name) for name in names}
-    return filled(page, blocks(tables))
+    return filled(page, blocks(tables, section("statements")))
 
 
 if __name__ == "__main__":

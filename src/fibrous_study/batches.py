@@ -1,4 +1,4 @@
-"""How an ensemble is divided; apart from the plan, whose changes must not make the networks anew."""
+"""How an ensemble of networks is numbered and divided into batches."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -13,42 +13,14 @@ from typing import Any
 import pandas as pd
 
 from fibrous.errors import ConfigError
-from fibrous.specimen import SYNTHETIC
+from fibrous.materials.registry import LAWS, Law
+from fibrous.networks import GENERATORS
+from fibrous_study.batches import replicate_numbers
 
 Config = Mapping[str, Any]
-Wildcards = Mapping[str, str]
 
-FIGURE_NETWORK = "case"
-SURVEY_NETWORKS = ("fig6_1", "fig6_2", "fig6_3", "fig6_4", "fig6_5")
-FIGURE_PROTOCOLS = ("large", "small")
-# Section 2.6: where the constants come from, and the deformation on which they are tried.
-CASE_PROTOCOL, CASE_PATH = "section_2_6", "eq9"
-REFIT = "refit_"  # protocol of the deformations that a run of the tissue found
+REFIT = "refit_"  # protocol of the deformation that a run of the tissue found
 EQ_2 = {"energy": "structure_tensor", "objective": "energy"}
-
-
-@dataclass(frozen=True)
-class Stage:
-    """One module with its files: patterns of the outputs by name, and functions of config and wildcards.
-
-    What is `on_demand` is made when it is asked for by name, and is no part of the whole study. A job that writes one
-    file for `each` of some names has one output, whose pattern holds {each}; its files are called by these names.
-    """
-
-    module: str
-    outputs: Mapping[str, str]
-    inputs: Callable[[Config, Wildcards], dict[str, list[str]]]
-    config: Callable[[Config, Wildcards], dict[str, Any]]
-    instances: Callable[[Config], list[dict[str, str]]]
-    on_demand: bool = False
-    each: Callable[[Config, Wildcards], list[str]] | None = None
-
-    def files(self, config: Config, wildcards: Wildcards) -> dict[str, str]:
-        """Paths of the files that one job writes, by name."""
-        if self.each is None:
-            return {name: pattern.format_map(wildcards) for name, pattern in self.outputs.items()}
-        (pattern,) = self.outputs.values()
-        return {name: pattern.format_map({**wildcards, "each": name}) for name in self.each(config, wildcards)}
 
 
 @dataclass(frozen=True)
@@ -58,17 +30,32 @@ class Run:
     name : of its files; model : its entry in the config
     refits : how often its constants were fitted anew; 0 for the initial ones
     source : run whose deformation the constants were fitted to, empty for the initial ones
+    lagged : whether they are fitted anew at every load step (Fig. 4b) instead of between runs
     """
 
     name: str
     model: Config
     refits: int = 0
     source: str = ""
+    lagged: bool = False
+
+    @property
+    def law(self) -> Law:
+        """The law of the fibres."""
+        return LAWS[self.model["law"]]
+
+    @property
+    def constants(self) -> str:
+        """Where the law's constants come from: fit, surface, or nothing."""
+        return self.model.get("constants", "")
 
 
 def own_networks(config: Config) -> bool:
     """Whether the networks are a user's own. Raises ConfigError for a kind that nobody knows."""
-    return _is_second(config["network"], "network", "delaunay", "file")
+    kind = config["network"]
+    if kind not in (*GENERATORS, "file"):
+        raise ConfigError(f"network is '{kind}', must be {', '.join(GENERATORS)} or file")
+    return bool(kind == "file")
 
 
 def own_specimen(config: Config) -> bool:
@@ -107,17 +94,22 @@ def loads(entry: Config) -> set[str]:
     return {load["load"] for load in entry["loads"]}
 
 
-def loaded_ensembles(config: Config, entry: Config) -> list[str]:
-    """Ensembles that a protocol loads: those it names, or the user's networks, which take every protocol."""
-    return ["file"] if own_networks(config) else list(entry["ensembles"])
-
-
 def compared_protocols(config: Config) -> list[str]:
     """Protocols of the 750 networks that hold every load of every load set, so that Table 1 can be made from them."""
     wanted = {load for load_set in config["load_sets"] for load in load_set["loads"]}
     return [
         entry["name"] for entry in config["protocols"] if wanted <= loads(entry) and "delaunay" in entry["ensembles"]
     ]
+
+
+def network_numbers(config: Config, ensemble: str) -> list[int]:
+    """Numbers of the networks of an ensemble that needs no specimen to be made."""
+    match ensemble:
+        case "replicates":
+            return replicate_numbers(len(config["named"]), config["replicates"]["seeds"])
+        case "delaunay":
+            return list(range(config["delaunay"]["networks"]))
+    return list(range(len(config["named" if ensemble == "named" else "network_files"])))
 
 
 def parts(config: Config, ensemble: str) -> int:
@@ -153,11 +145,6 @@ def _eigenvalues(path: Path, _: int) -> list[list[float]]:
     return []
 
 
-def origin(config: Config) -> str:
-    """Where the tissue comes from, in a few words."""
-    return f"mesh of {config['specimen_files']['mesh']}" if own_specimen(config) else SYNTHETIC
-
-
 def batches(config: Config, ensemble: str) -> list[str]:
     """Names of an ensemble's batches: zero-padded numbers.
 
@@ -166,6 +153,29 @@ def batches(config: Config, ensemble: str) -> list[str]:
     """
     count = parts(config, ensemble)
     return [f"{part:0{max(2, len(str(count - 1)))}d}" for part in range(count)]
+
+
+def networks(config: Config) -> list[str]:
+    """Ensembles whose networks the whole study makes; with a tissue of one's own, those that its models need."""
+    models = config["tissue"]["models"]
+    if own_networks(config) or not own_specimen(config):
+        return ensembles(config)
+    of_surface = any(model.get("constants") == "surface" for model in models)
+    of_elements = any(LAWS[model["law"]].has_networks or model.get("constants") == "fit" for model in models)
+    return ["delaunay"] * of_surface + ["tissue"] * of_elements
+
+
+def loaded(config: Config) -> list[tuple[str, str]]:
+    """Ensemble and protocol of all curves that the whole study makes, but for those of refits."""
+    if own_networks(config):
+        return [("file", name) for name in protocols(config)]
+    every = [(ensemble, entry["name"]) for entry in config["protocols"] for ensemble in entry["ensembles"]]
+    if not own_specimen(config):
+        return every
+    tissue = config["tissue"]
+    wanted = [("tissue", tissue["protocol"])] if any(run.constants == "fit" for run in runs(config)) else []
+    wanted += [("delaunay", name) for name in compared_protocols(config) if "delaunay" in networks(config)]
+    return [pair for pair in every if pair in wanted]
 
 
 def runs(config: Config) -> list[Run]:
@@ -177,33 +187,17 @@ def runs(config: Config) -> list[Run]:
     """
     if own_networks(config):
         return []
-    tissue, found = config["tissue"], []
+    tissue, lagged, every = config["tissue"], has_lagged_constants(config), []
     # With lagged constants the rounds are iterations of the last step, inside one run.
-    rounds = 1 if has_lagged_constants(config) else tissue["refit_rounds"]
+    rounds = 1 if lagged else tissue["refit_rounds"]
     for model in tissue["models"]:
         run = Run(model["name"], model)
-        found.append(run)
+        every.append(run)
         for refits in range(1, rounds + 1 if model.get("refit") else 1):
-            run = Run(f"{model['name']}_refit" + (f"_{refits}" if refits > 1 else ""), model, refits, run.name)
-            found.append(run)
-    return found
-
-
-def refit_sources(config: Config) -> dict[str, list[str]]:
-    """Runs to whose deformation constants are fitted between runs, by the number of the round."""
-    rounds: dict[str, list[str]] = {}
-    for run in runs(config):
-        if run.refits and not is_lagged(config, run):
-            rounds.setdefault(str(run.refits), []).append(run.source)
-    return rounds
-
-
-def reference_run(config: Config) -> str:
-    """The run against which all others are judged: the first with networks at every load step; empty without one."""
-    # A user's own motion says itself how many steps it has.
-    steps = None if own_specimen(config) else config["synthetic_specimen"]["load_steps"]
-    found = (run for run in runs(config) if run.model["law"] == "network")
-    return next((run.name for run in found if run.model.get("load_steps", steps) == steps), "")
+            name = f"{model['name']}_refit" + (f"_{refits}" if refits > 1 else "")
+            run = Run(name, model, refits, run.name, lagged)
+            every.append(run)
+    return every
 
 
 def run_called(config: Config, name: str) -> Run:
@@ -211,27 +205,77 @@ def run_called(config: Config, name: str) -> Run:
     return next(run for run in runs(config) if run.name == name)
 
 
-def is_lagged(config: Config, run: Run) -> bool:
-    """Whether the run's constants are fitted anew at every load step (Fig. 4b) instead of between runs."""
-    return bool(run.refits) and has_lagged_constants(config)
+def refitted(config: Config) -> list[Run]:
+    """Runs whose constants are fitted to curves along the deformation that an earlier run found."""
+    return [run for run in runs(config) if run.refits and not run.lagged]
 
 
-def drawn_runs(config: Config) -> list[str]:
+def refit_rounds(config: Config) -> dict[int, list[str]]:
+    """Runs to whose deformation constants are fitted between runs, by the number of the round."""
+    rounds: dict[int, list[str]] = {}
+    for run in refitted(config):
+        rounds.setdefault(run.refits, []).append(run.source)
+    return rounds
+
+
+def reference_run(config: Config) -> str:
+    """The run against which all others are judged: the first with networks at every load step; empty without one."""
+    # A user's own motion says itself how many steps it has.
+    steps = None if own_specimen(config) else config["synthetic_specimen"]["load_steps"]
+    coupled = (run for run in runs(config) if run.law.is_solved)
+    return next((run.name for run in coupled if run.model.get("load_steps", steps) == steps), "")
+
+
+def drawn_runs(config: Config) -> list[Run]:
     """Runs that figures of the tissue show: the first model that is refitted, first and last, or else the first."""
     every = runs(config)
-    refitted = [run for run in every if run.refits]
-    if refitted:
-        name = refitted[0].model["name"]
-        return [name, [run for run in refitted if run.model["name"] == name][-1].name]
-    return [next((run for run in every if run.model.get("constants")), every[0]).name]
+    hybrid = hybrid_runs(config)
+    return [hybrid[0], hybrid[-1]] if hybrid else [next((run for run in every if run.constants), every[0])]
+
+
+def hybrid_runs(config: Config) -> list[Run]:
+    """The first model that is refitted, in all of its rounds; nothing where none is."""
+    model = next((run.model for run in runs(config) if run.refits), None)
+    return [run for run in runs(config) if run.model is model]
+
+
+def tried_models(config: Config) -> list[Config]:
+    """Models that section 2.6 tries on one network: those with constants fitted to it, and its fibres alone."""
+
+    def is_tried(model: Config) -> bool:
+        law = LAWS[model["law"]]
+        return model.get("constants") == "fit" or (law.has_networks and not law.is_solved)
+
+    return [model for model in config["tissue"]["models"] if is_tried(model)]
+
+
+def loads_used(config: Config) -> float:
+    """Fraction of the loads of the initial simulation that belong to the load set of the tissue's fits."""
+    tissue = config["tissue"]
+    wanted = next(entry["loads"] for entry in config["load_sets"] if entry["name"] == tissue["load_set"])
+    return len(wanted) / len(loads(protocol(config, tissue["protocol"])))
 
 
 def forms(config: Config) -> list[dict[str, str]]:
     """Energies and objectives that the models of the tissue ask to be fitted, each once, Eq. 2's energy first."""
-    wanted = [form_of(model) for model in config["tissue"]["models"] if model.get("constants") == "fit"]
-    return [form for i, form in enumerate([EQ_2, *wanted]) if form not in [EQ_2, *wanted][:i]]
+    wanted = [EQ_2, *(form_of(model) for model in config["tissue"]["models"] if model.get("constants") == "fit")]
+    return [form for i, form in enumerate(wanted) if form not in wanted[:i]]
 
 
 def form_of(model: Config) -> dict[str, str]:
     """Energy and objective of the fits behind a model's constants."""
     return {key: model[key] for key in EQ_2}
+
+
+def in_order_of(default: Any, value: Any) -> Any:
+    """A config with its keys in the order of the default one's; those that it lacks come last.
+
+    >>> in_order_of({"b": 1, "a": {"d": 1, "c": 1}}, {"a": {"c": 2, "d": 3}, "b": 4, "e": 5})
+    {'b': 4, 'a': {'d': 3, 'c': 2}, 'e': 5}
+    """
+    if isinstance(value, dict) and isinstance(default, dict):
+        keys = [key for key in default if key in value] + [key for key in value if key not in default]
+        return {key: in_order_of(default.get(key), value[key]) for key in keys}
+    if isinstance(value, list) and isinstance(default, list) and default:
+        return [in_order_of(default[0], one) for one in value]
+    return value

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from fibrous.materials.registry import LAWS
 from fibrous_study.fit_tables import TENSOR_COLUMNS
-from fibrous_study.words import LAWS
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,10 @@ def _kind(place: str, variables: Mapping[str, tuple[str, str, str]], attributes:
 
 
 def _table(
-    place: str, columns: Mapping[str, tuple[str, ...]], rows: Mapping[str, tuple[str, ...]] | None = None, law: str = ""
+    place: str,
+    columns: Mapping[str, tuple[str, str] | tuple[str, str, str]],
+    rows: Mapping[str, tuple[str, ...]] | None = None,
+    law: str = "",
 ) -> Table:
     return Table(place, {name: Field(*column) for name, column in columns.items()}, rows or {}, law)
 
@@ -199,7 +202,7 @@ COORDINATES = {
 }
 
 # Columns that several tables share. Of each column: type or unit, meaning, heading in the report.
-_LAWS = ", ".join(f"`{name}` ({label})" for name, label in LAWS.items())
+_LAWS = ", ".join(f"`{name}` ({law.label})" for name, law in LAWS.items())
 _OBJECTIVE = ("text", "what was fitted: `energy`, its `slope` in λ_f, or `stress`, all components of Cauchy's")
 _AMPLITUDE = {
     "protocol": ("text", "protocol of the fits behind the surface"),
@@ -421,22 +424,24 @@ TABLES: dict[str, Table] = {
     "table_2_parts": _table("tables/table_2_parts.csv", {
         "specimen": ("text", "where the specimen comes from"),
         "run": ("text", "a run with networks", "run"),
-        "part": ("text", "networks' `assembly`, `factorisation` and `condensation`, the `macroscopic solve`, or the "
+        "part": ("text", "networks' `equilibrium` and `condensation`, the `macroscopic solve`, or the "
                  "rest", "part"),
         "cpu_seconds": ("s", "CPU seconds spent there", "CPU time (s)"),
         "share": ("1", "share of the whole process", "share of the run"),
     }),
     "claims": _table("claims.csv", {
-        "id": ("text", "statement of the paper, as config/claims.yaml has it"),
-        "section": ("text", "where the paper says it", "section"),
-        "says": ("text", "what the paper says, and prints", "the paper says"),
-        "here": ("text", "what came out", "here"),
-        "spread": ("text", "its range over the replicates of the networks, where one network could mislead",
-                   "over replicates"),
-        "verdict": ("text", "`reproduced`, `partly`, `not reproduced`, `contradicted by the paper itself` or `cannot "
-                    "be checked: data not public`, by the thresholds of `claims` in the config", "verdict"),
-        "why": ("text", "why, with numbers of the run", "why"),
-        "data": ("text", "files it is computed from"),
+        "claim": ("text", "statement of the paper, as config/paper.yaml has it", "statement"),
+        "quantity": ("text", "number behind the verdict, as the statement's sentences in config/paper.yaml name it",
+                     "quantity"),
+        "load_set": ("text", "load set that it belongs to, or nothing", "load set"),
+        "value": ("1", "the number, in `unit`; 1 and 0 where it says whether something holds", "value"),
+        "unit": ("text", "its unit", "unit"),
+        "low": ("1", "least over the replicates of the network that the value is of", "least over replicates"),
+        "high": ("1", "largest over them", "largest over replicates"),
+        "printed": ("1", "the paper's number", "printed"),
+        "verdict": ("text", "of the statement: `reproduced`, `partly`, `not reproduced`, `contradicted by the paper "
+                    "itself` or `cannot be checked: data not public`, by the thresholds of `claims` in the config",
+                    "verdict"),
     }),
     "convergence": _table("tables/convergence.csv", {
         "ensemble": ("text", "ensemble of a state without an equilibrium"),

@@ -8,12 +8,12 @@ from typing import Any
 
 from fibrous.errors import ConfigError
 from fibrous_study import plan
-from fibrous_study.plan import FIGURE_PROTOCOLS, Config
+from fibrous_study.batches import replicate_numbers, replicated
+from fibrous_study.plan import Config
 
 # Keys under `sensitivity` that list values, with their unit.
 FACTORS = {"edge_length_um": "µm", "volume_fraction": "1", "nonlinearity": "1", "amplitude": "1", "steps": "1"}
 BASE = "base"
-FITTED_PROTOCOL = FIGURE_PROTOCOLS[0]
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Variant:
 
 def factors(config: Config) -> dict[str, str]:
     """The factors that are varied, with their unit: no amplitude where the first load has a gradient of its own."""
-    first = plan.protocol(config, FITTED_PROTOCOL)["loads"][0]
+    first = plan.protocol(config, config["roles"]["large"])["loads"][0]
     return {factor: unit for factor, unit in FACTORS.items() if factor != "amplitude" or "magnitude" in first}
 
 
@@ -52,9 +52,37 @@ def variants(config: Config) -> list[Variant]:
     return [Variant(), *others]
 
 
-def variant_called(config: Config, name: str) -> Variant:
-    """The variant of that name."""
-    return next(variant for variant in variants(config) if variant.name == name)
+def trial(config: Config, name: str) -> dict[str, Any]:
+    """What the trial of the variant of that name depends on: the study's numbers with its own in their place."""
+    variant = next(variant for variant in variants(config) if variant.name == name)
+    own = varied(config, variant)
+    kept = ("seed", "fiber", "cube", "principal_stretch_limit", "equilibrium", "load_sets", "fit")
+    return {
+        "factor": variant.factor,
+        "value": variant.value,
+        "unit": FACTORS.get(variant.factor, ""),
+        "networks": _networks(config),
+        "protocol": plan.protocol(own, config["roles"]["large"]),
+        "path": plan.protocol(own, config["roles"]["path"]),
+        **{key: own[key] for key in kept},
+    }
+
+
+def _networks(config: Config) -> list[dict[str, Any]]:
+    """Alignments with the numbers of their networks, which are those of the ensemble of replicates."""
+    names = [entry["name"] for entry in config["named"]]
+    numbers = replicate_numbers(len(names), config["sensitivity"]["seeds"])
+    return [
+        {**config["named"][i], "numbers": [number for number in numbers if replicated(number) == i]}
+        for i in (names.index(name) for name in config["sensitivity"]["networks"])
+    ]
+
+
+def own_values(config: Config) -> list[dict[str, Any]]:
+    """Every factor with its unit and the study's own value; a list, since sorted JSON would lose the order."""
+    return [
+        {"name": name, "unit": unit, "own_value": own_value(config, name)} for name, unit in factors(config).items()
+    ]
 
 
 def own_value(config: Config, factor: str) -> float:
@@ -80,7 +108,7 @@ def _place(config: Config, factor: str) -> tuple[Any, str]:
         case "nonlinearity":
             return config["fiber"], factor
         case "amplitude":
-            return plan.protocol(config, FITTED_PROTOCOL)["loads"][0], "magnitude"
+            return plan.protocol(config, config["roles"]["large"])["loads"][0], "magnitude"
         case "steps":
-            return plan.protocol(config, FITTED_PROTOCOL), factor
+            return plan.protocol(config, config["roles"]["large"]), factor
     raise ConfigError(f"sensitivity: nothing varies '{factor}', must be one of {', '.join(FACTORS)}")

@@ -6,33 +6,28 @@ from collections import namedtuple
 import mpmath
 import numpy as np
 import pytest
-import yaml
 from conftest import small_network
+from fibers import exponential, stress_scale
 from scipy.spatial.transform import Rotation
 
 from fibrous.clock import Clock
 from fibrous.deformation import Load, averaged_stretch
 from fibrous.fitting.hgo import strain_energy
-from fibrous.materials import hgo
+from fibrous.materials import registry
 from fibrous.materials.affine_fibers import AffineFibers, half_sphere
-from fibrous.materials.contract import MaterialError, join, select
-from fibrous.materials.hgo import HGOFamilies, HGOStructureTensor, law_called
-from fibrous.materials.mixture import Mixture
+from fibrous.materials.contract import Material, MaterialError, Mixture, join, select
+from fibrous.materials.hgo import HGO, HGOFamilies, HGOStructureTensor
 from fibrous.materials.neo_hookean import NeoHookean
+from fibrous.materials.registry import law_called
 from fibrous.materials.timed import Timed
 from fibrous.networks.banded import Assembly
-from fibrous.networks.fiber_law import ExponentialFiber
-from fibrous.networks.network import structure_tensor
-from fibrous.networks.path import stress_scale
-from fibrous_study import words
-from fibrous_study.configuration import SCHEMA
 
 ELEMENTS = 4
 H_DIAGONAL = np.diag([0.6, 0.3, 0.1])
 TURN = Rotation.from_euler("xyz", [[0.1, 0.2, 0.3], [1.0, 0.5, -0.4], [-0.7, 0.2, 2.0], [0.0, 0.0, 0.0]]).as_matrix()
 H = (TURN @ H_DIAGONAL @ TURN.transpose(0, 2, 1))[:, None]  # (elements, 1, 3, 3)
 C2, C3 = np.linspace(0.1, 0.4, ELEMENTS)[:, None], np.linspace(0.0, 1.5, ELEMENTS)[:, None]
-LAW = ExponentialFiber(2.5)
+LAW = exponential(2.5)
 SCALE = stress_scale(10.0, 0.1, 10.0)
 
 
@@ -53,7 +48,7 @@ def laws(scale: float = 1.0) -> dict:
         "structure tensor": HGOStructureTensor(scale * C2, C3, H),
         "structure tensor as printed": HGOStructureTensor(scale * C2, C3, H, tension_only=False),
         "affine fibers": bundles(scale),
-        "affine sphere": AffineFibers.of_structure_tensor(H_DIAGONAL, 500.0, LAW, scale * 1e-3),
+        "affine sphere": AffineFibers.of_structure_tensor(H_DIAGONAL, scale * 0.05, LAW),
         "mixture": Mixture((matrix, families, bundles(scale))),
         "timed": Timed(families, Clock(), "law"),
     }
@@ -215,14 +210,14 @@ def test_affine_fibers_are_the_network_without_fluctuations(network):
     F = np.array([[1.239, 0, 0.0035], [0, 1.048, -0.0014], [-0.0080, 0.102, 0.770]])  # Eq. 9
     affine = assembly.evaluate(F, np.zeros((assembly.size + 1, 3)))
     other = small_network(1)
-    law = AffineFibers.of_networks([network, other], LAW, SCALE)
+    law = AffineFibers.of_networks([network, other])
     stress, _, _ = law(np.broadcast_to(F, (2, 8, 3, 3)))
     expected = SCALE * assembly.stress(affine)
     np.testing.assert_allclose(stress[0, 3], expected, atol=1e-12 * np.abs(expected).max())
     assert law.energy(F)[0, 0] == pytest.approx(SCALE * assembly.energy(affine), rel=1e-12)
     weights = law.weights[1, 0]
     H_other = np.einsum("m,mI,mJ->IJ", weights, law.directions[1, 0], law.directions[1, 0]) / weights.sum()
-    np.testing.assert_allclose(H_other, structure_tensor(other.fiber_vectors), atol=1e-14)
+    np.testing.assert_allclose(H_other, other.structure_tensor, atol=1e-14)
 
 
 def test_half_sphere_integrates_even_polynomials():
@@ -240,15 +235,15 @@ def test_half_sphere_integrates_even_polynomials():
         assert weights @ mean == pytest.approx(exact, rel=1e-12)
 
 
-def test_sphere_has_the_structure_tensor_asked_for_and_the_total_length():
-    law = AffineFibers.of_structure_tensor(H[1, 0], 500.0, LAW, 1e-3)
-    assert law.weights.sum() == pytest.approx(0.5, rel=1e-13)
+def test_sphere_has_the_structure_tensor_and_the_volume_fraction_asked_for():
+    law = AffineFibers.of_structure_tensor(H[1, 0], 0.05, LAW)
+    assert law.weights.sum() == pytest.approx(10.0 * 0.05, rel=1e-13)
     found = np.einsum("m,mI,mJ->IJ", law.weights, law.directions, law.directions) / law.weights.sum()
     np.testing.assert_allclose(found, H[1, 0], atol=1e-4)
 
 
 def test_mixture_passes_states_and_returns_new_ones():
-    class Counting:
+    class Counting(Material):
         def __call__(self, gradient, state=None, near=None):
             return *NeoHookean(0.025, 0.417)(gradient)[:2], state + (1.0 if near is None else 0.5 * near)
 
@@ -311,15 +306,47 @@ def test_a_law_is_known_by_its_name_and_no_other_law_stands_in_for_it():
     gradients = Load.parse("xy_biaxial").deformation_gradient(np.full((ELEMENTS, 1), 1.2))
     for name, law in {"structure_tensor": HGOStructureTensor(C2, C3, H), "families": FAMILIES}.items():
         np.testing.assert_array_equal(
-            law_called(name).of_structure_tensor(H, C2, C3)(gradients)[0], law(gradients)[0], strict=True
+            law_called(name).material.of_structure_tensor(H, C2, C3)(gradients)[0], law(gradients)[0], strict=True
         )
     with pytest.raises(MaterialError, match=r"^law 'gasser_dispersion' .* are structure_tensor, families$"):
         law_called("gasser_dispersion")
 
 
-def test_every_law_with_constants_may_be_asked_for_and_has_a_label():
-    model = yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))["properties"]["tissue"]["properties"]["models"]["items"][
-        "properties"
-    ]
-    assert set(model["energy"]["enum"]) == set(hgo.LAWS)
-    assert set(model["law"]["enum"]) == set(words.LAWS)
+def test_the_registry_names_classes_of_the_kinds_that_it_says():
+    for law in registry.LAWS.values():
+        assert issubclass(law.material, Material)
+        assert law.has_constants == issubclass(law.material, HGO)
+
+
+@each_law
+def test_stress_piola_and_tangent_are_those_of_one_call(name, gradients):
+    law = LAWS[name]
+    P, A, _ = law(gradients)
+    np.testing.assert_array_equal(law.piola(gradients), P)
+    np.testing.assert_array_equal(law.tangent(gradients), A)
+    expected = np.einsum("...iJ,...jJ->...ij", P, gradients) / np.linalg.det(gradients)[..., None, None]
+    np.testing.assert_allclose(law.stress(gradients), expected, atol=1e-14 * np.abs(P).max())
+
+
+def test_a_sum_of_sums_is_the_sum_of_all(gradients):
+    matrix, families = LAWS["matrix"], LAWS["families"]
+    total = matrix + (families + bundles())
+    assert len(total.parts) == 3
+    assert isinstance(total, Mixture)
+    np.testing.assert_array_equal(total(gradients)[0], LAWS["mixture"](gradients)[0])
+
+
+def test_every_repr_is_one_line():
+    for law in [*LAWS.values(), *LAWS["mixture"].parts]:
+        assert "\n" not in repr(law)
+        assert len(repr(law)) < 400
+
+
+def test_terms_are_the_energy_of_the_law(gradients):
+    """W = Σ w C2/2 (M : C − 1)² where C3 = 0 and compression counts, too."""
+    C = np.swapaxes(gradients, -1, -2) @ gradients
+    for law in (HGOFamilies, HGOStructureTensor):
+        made = law.of_structure_tensor(H, 0.3, 0.0, False)
+        weights, structures = made.terms
+        excess = np.einsum("ebpIJ,egIJ->egp", structures, C) - 1.0
+        np.testing.assert_allclose(made.energy(gradients), 0.15 * (weights * excess**2).sum(axis=-1), rtol=1e-12)

@@ -9,12 +9,12 @@ import types
 from pathlib import Path
 
 import pytest
-from workflow_runs import job_line, snakemake
+from workflow_runs import job_line, job_of, snakemake
 
 from fibrous.errors import NetworkError
 from fibrous_study import job
 from fibrous_study.configuration import loaded
-from fibrous_study.stages import Params
+from fibrous_study.provenance import digest, recorded
 
 
 @pytest.fixture(scope="module")
@@ -22,6 +22,7 @@ def config() -> dict:
     config = loaded()
     config["cube"] |= {"edge_length_um": 10.0, "alignment_tolerance": 0.01}
     config["delaunay"] |= {"networks": 30, "batches": 15}
+    config["sensitivity"] |= {"edge_length_um": [10.0], "volume_fraction": [0.04]}
     return config
 
 
@@ -30,8 +31,8 @@ def run(config, tmp_path_factory):
     """Runs one job on files of a test's own, told by files in another folder."""
     folder = tmp_path_factory.mktemp("told")
 
-    def started(stage: str, wildcards: dict, inputs: dict, outputs: dict, **options) -> subprocess.CompletedProcess:
-        content = {**Params(config).of(stage, wildcards), "inputs": inputs, "outputs": outputs}
+    def started(rule: str, wildcards: dict, inputs: dict, outputs: dict, **options) -> subprocess.CompletedProcess:
+        content = {**job_of(config, rule, **wildcards).params, "inputs": inputs, "outputs": outputs}
         line = job_line(folder, content)
         return subprocess.run(line, capture_output=True, text=True, timeout=120, **options)
 
@@ -41,13 +42,13 @@ def run(config, tmp_path_factory):
 @pytest.fixture
 def networks(run):
     wildcards = {"ensemble": "delaunay", "batch": "00"}
-    return lambda path, **options: run("networks", wildcards, {"files": []}, {"networks": str(path)}, **options)
+    return lambda path, **options: run("network_ensemble", wildcards, {"files": []}, {"networks": str(path)}, **options)
 
 
 @pytest.fixture
 def curves(run):
     wildcards = {"ensemble": "delaunay", "batch": "00", "protocol": "small"}
-    return lambda source, path: run("curves", wildcards, {"networks": [str(source)]}, {"curves": str(path)})
+    return lambda source, path: run("network_curves", wildcards, {"networks": [str(source)]}, {"curves": str(path)})
 
 
 def one_line(done: subprocess.CompletedProcess) -> str:
@@ -101,6 +102,16 @@ def test_broken_inputs_are_one_line_with_the_file(networks, curves, tmp_path):
         f"{tmp_path}/none.nc: no such file"
     )
     assert not (tmp_path / "curves.nc").exists()
+
+
+def test_a_file_is_recorded_with_what_it_was_made_of(networks, curves, config, tmp_path):
+    source, path = tmp_path / "results/networks.nc", tmp_path / "results/curves.nc"
+    assert networks(source).returncode == curves(source, path).returncode == 0
+    made = recorded(path)
+    params = job_of(config, "network_curves", ensemble="delaunay", batch="00", protocol="small").params
+    assert {key: made[key] for key in params} == params
+    assert made["sha256"] == digest(path)
+    assert made["inputs"] == {str(source): digest(source)}
 
 
 @pytest.fixture

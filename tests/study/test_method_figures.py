@@ -7,13 +7,12 @@ import matplotlib
 import numpy as np
 import pandas as pd
 import pytest
-from workflow_runs import quick_config
+from workflow_runs import job_of, quick_config
 
 from fibrous.errors import DatasetError
 from fibrous.fitting.hgo import strain_energy
 from fibrous_study.datasets import read
 from fibrous_study.figures import figure_2, figure_4
-from fibrous_study.stages import STAGES, stage_params
 
 MODULES = {"figure_2": figure_2, "figure_4": figure_4}
 
@@ -31,10 +30,10 @@ def drawn(request, quick, tmp_path_factory):
 
 def run(name, folder, target, **changed):
     config = quick_config()
-    inputs = {kind: [folder / path for path in paths] for kind, paths in STAGES[name].inputs(config, {}).items()}
-    outputs = {kind: target / path.split("/")[-1] for kind, path in STAGES[name].outputs.items()}
-    params = stage_params(name, config, {})
-    importlib.import_module(params["stage"]).run(inputs | changed, outputs, params)
+    job = job_of(config, name)
+    inputs = {kind: [folder / path for path in paths] for kind, paths in job.content["inputs"].items()}
+    outputs = {kind: target / path.split("/")[-1] for kind, path in job.content["outputs"].items()}
+    importlib.import_module(job.params["stage"]).run(inputs | changed, outputs, job.params)
     return outputs
 
 
@@ -65,7 +64,7 @@ def test_two_runs_give_the_same_bytes(drawn, tmp_path):
     one, other = (run(name, folder, tmp_path / part) for part in ("one", "other"))
     for kind in one:
         assert one[kind].read_bytes() == other[kind].read_bytes()
-    assert one["data"].read_bytes() == (folder / STAGES[name].outputs["data"]).read_bytes()
+    assert one["data"].read_bytes() == (folder / f"results/figures/{name}.csv").read_bytes()
 
 
 def test_figure_2_fits_the_curves_that_it_draws(quick):
@@ -108,8 +107,14 @@ def test_figure_4_follows_the_most_stretched_element(quick):
     assert path["averaged_stretch"].max() == pytest.approx(np.sqrt(np.sum(tensor * (mean.T @ mean))), rel=0.01)
 
 
-def test_figure_4_draws_every_stage_with_its_jobs():
-    stages = stage_params("figure_4", quick_config(), {})["config"]["stages"]
+def test_figure_4_draws_every_stage_with_its_jobs(quick):
+    stages = figure_4.stages_of(quick[0] / "results/tables/stages.csv")
+    by_name = {stage["stage"]: stage for stage in stages}
+    assert by_name["hgo_fits"]["reads"] == ["network_curves", "refit_curves"]
+    assert "hgo_fits" in by_name["tissue_run"]["reads"]
+    assert by_name["specimen"]["reads"] == []
+    assert set(by_name["network_curves"]["drawn"]) >= {"figure_3", "figure_5", "figure_6"}
+    assert by_name["network_ensemble"]["jobs"] == 6
     figure = matplotlib.figure.Figure()
     axes = figure.add_subplot()
     figure_4.draw_stages(axes, stages)

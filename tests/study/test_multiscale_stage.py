@@ -13,21 +13,21 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from fibers import exponential
 from reference import respond
 from small_study import NETWORK_FILES, SPECIMEN_FILE, small_specimen
-from workflow_runs import job_line
+from workflow_runs import job_line, job_of
 
 from fibrous.errors import ConfigError, ConvergenceError
 from fibrous.fe.solver import LoadStepper, Walk
-from fibrous.materials.mixture import Mixture
+from fibrous.materials.contract import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.materials.network import FiberNetworks
-from fibrous.networks.fiber_law import ExponentialFiber
 from fibrous.networks.guard import EquilibriumSolver
 from fibrous_study import datasets, provenance
 from fibrous_study.checkpoint import Checkpoint
+from fibrous_study.paper import section
 from fibrous_study.schema import KINDS
-from fibrous_study.stages import Params, stage_params
 from fibrous_study.steps import table_2
 from fibrous_study.steps import tissue_coupled as multiscale
 from fibrous_study.steps.hgo_fits import fits_key
@@ -43,7 +43,7 @@ def same_bits(one: xr.Dataset, other: xr.Dataset) -> bool:
 def coupled(study, tmp_path_factory):
     """The study with its unbroken run."""
     whole = study.with_files(tmp_path_factory.mktemp("coupled"), SPECIMEN_FILE, *NETWORK_FILES)
-    whole.run("multiscale", run="multiscale")
+    whole.run("tissue_coupled", run="multiscale")
     return whole
 
 
@@ -54,7 +54,7 @@ def test_every_gauss_point_holds_its_network_in_equilibrium(coupled):
     for element, point in ((0, 0), (5, 3), (11, 7)):
         gradients = tissue["deformation_gradient"].values[:, element, point]
         path = np.concatenate([np.eye(3)[None], gradients])
-        alone = respond(EquilibriumSolver.of(coupled.networks()[element], ExponentialFiber(2.5)), path, SCALE)
+        alone = respond(EquilibriumSolver.of(coupled.networks()[element], exponential(2.5)), path, SCALE)
         J = np.linalg.det(gradients)[:, None, None]
         matrix = 2.0 * 0.025 / J * (gradients @ gradients.swapaxes(1, 2) - np.eye(3)) + 0.417 * np.log(J) / J * np.eye(
             3
@@ -66,7 +66,7 @@ def test_every_gauss_point_holds_its_network_in_equilibrium(coupled):
 
 def test_counts_are_those_of_the_library_called_by_hand(coupled):
     specimen, tissue = small_specimen(), coupled.tissue("multiscale")
-    material = Mixture((NeoHookean(0.025, 0.417), FiberNetworks.of(coupled.networks(), ExponentialFiber(2.5), SCALE)))
+    material = Mixture((NeoHookean(0.025, 0.417), FiberNetworks.of(coupled.networks())))
     found = LoadStepper.of(specimen.mesh, material, specimen.prescribed).follow(specimen.prescribed.values)
     assert found.displacement.tobytes() == tissue["displacement"].values.tobytes()
     assert found.newton_iterations.tolist() == tissue["newton_iterations"].values.tolist()
@@ -83,7 +83,7 @@ def test_the_forces_of_the_bones_balance_and_the_free_nodes_carry_none(coupled):
 
 def test_one_load_step_ends_where_all_of_them_do(coupled):
     """Networks and matrix are conservative."""
-    coupled.run("multiscale", run="multiscale_one_step")
+    coupled.run("tissue_coupled", run="multiscale_one_step")
     one, all_ = coupled.tissue("multiscale_one_step"), coupled.tissue("multiscale")
     assert one.sizes["step"] == 1
     for name, tolerance in (("displacement", 1e-7), ("cauchy_stress", 1e-8)):
@@ -91,15 +91,14 @@ def test_one_load_step_ends_where_all_of_them_do(coupled):
 
 
 def test_load_steps_that_do_not_divide_the_specimens_are_refused(coupled):
-    coupled.config["tissue"]["models"].append({"name": "odd", "law": "network", "load_steps": 2})
+    odd = {"run": "odd", "model": {"name": "odd", "law": "network", "load_steps": 2}}
     with pytest.raises(ConfigError, match="odd has load_steps 2, must divide the specimen's 3"):
-        coupled.run("multiscale", run="odd")
-    coupled.config["tissue"]["models"].pop()
+        coupled.run("tissue_coupled", odd, run="multiscale_one_step")
 
 
 def job(study, *options: str) -> list[str]:
     """The command of the rule."""
-    content = Params(study.config).with_files("multiscale", {"run": "multiscale"})
+    content = job_of(study.config, "tissue_coupled", run="multiscale").content
     return job_line(study.folder, content, *options)
 
 
@@ -140,14 +139,14 @@ def stopped(study, tmp_path_factory):
     real = Walk.advance
 
     def once(walk):
-        if walk.record.step == 1:
+        if walk.step == 1:
             raise Stopped
         return real(walk)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Walk, "advance", once)
         with pytest.raises(Stopped):
-            begun.run("multiscale", run="multiscale")
+            begun.run("tissue_coupled", run="multiscale")
     return begun
 
 
@@ -159,7 +158,7 @@ def content_of(begun) -> bytes:
 
 
 def checkpoint_of(begun) -> Checkpoint:
-    params = stage_params("multiscale", begun.config, {"run": "multiscale"})
+    params = job_of(begun.config, "tissue_coupled", run="multiscale").params
     return Checkpoint(begun.folder / "results/tissue/multiscale.nc", params)
 
 
@@ -264,13 +263,13 @@ def test_arrays_of_another_kind_are_refused(stopped, capsys, change):
     "change",
     [
         lambda notes: notes.clear(),
-        lambda notes: notes.update(record=[1, 2]),
-        lambda notes: notes["record"].update(step="many"),
-        lambda notes: notes["record"].update(step=9),
-        lambda notes: notes["record"].update(increment=float("inf")),
-        lambda notes: notes["record"].update(step=float("inf")),
-        lambda notes: notes["record"].update(used=None),
-        lambda notes: notes["record"].update(attempts=[[1, 2, 3]]),
+        lambda notes: notes.update(walk=[1, 2]),
+        lambda notes: notes["walk"].update(step="many"),
+        lambda notes: notes["walk"].update(step=9),
+        lambda notes: notes["walk"].update(increment=float("inf")),
+        lambda notes: notes["walk"].update(step=float("inf")),
+        lambda notes: notes["walk"].update(linear_solvers=None),
+        lambda notes: notes["walk"].update(attempts=[[1, 2, 3]]),
         lambda notes: notes.update(seconds={"a": "long"}),
     ],
 )
@@ -279,7 +278,7 @@ def test_notes_of_another_kind_leave_the_record_as_it_was(stopped, capsys, chang
     walk = Walk(
         LoadStepper.of(specimen.mesh, NeoHookean(0.025, 0.417), specimen.prescribed), specimen.prescribed.values
     )
-    kept = multiscale._Kept(walk.record, np.zeros((3, 3), dtype=np.int64), {}, 0.0)
+    kept = multiscale._Kept(walk, np.zeros((3, 3), dtype=np.int64), {}, 0.0)
     checkpoint = Checkpoint(stopped.folder / "results/tissue/other.nc", {"stage": "", "config": {}, "code_hash": ""})
     checkpoint.write(kept.arrays, kept.notes)
     checkpoint.path.write_bytes(edited(checkpoint.path.read_bytes(), lambda index: change(index["notes"])))
@@ -294,7 +293,7 @@ def test_a_checkpoint_of_another_origin_or_a_broken_one_is_ignored(
     coupled, stopped, other, capsys, monkeypatch, change
 ):
     begun = other(SPECIMEN_FILE, *NETWORK_FILES)
-    params = stage_params("multiscale", begun.config, {"run": "multiscale"})
+    params = job_of(begun.config, "tissue_coupled", run="multiscale").params
     if change == "config":
         params["config"] = {**params["config"], "linear_solver": "direct"}
     if change == "code":
@@ -308,7 +307,7 @@ def test_a_checkpoint_of_another_origin_or_a_broken_one_is_ignored(
         broken[-1000] ^= 4
         checkpoint.path.write_bytes(broken)
     monkeypatch.undo()
-    begun.run("multiscale", run="multiscale")
+    begun.run("tissue_coupled", run="multiscale")
     said = capsys.readouterr().err
     assert ("kept by another config" in said) == (change != "content")
     assert ("damaged" in said) == (change == "content")
@@ -333,7 +332,7 @@ def test_a_run_that_fails_keeps_what_converged(other, monkeypatch):
     real = Walk.advance
 
     def fails(walk):
-        if walk.record.step == 1:
+        if walk.step == 1:
             monkeypatch.setattr(walk.stepper.assembly, "evaluate", never)
         return real(walk)
 
@@ -342,7 +341,7 @@ def test_a_run_that_fails_keeps_what_converged(other, monkeypatch):
 
     monkeypatch.setattr(Walk, "advance", fails)
     with pytest.raises(ConvergenceError, match=r"model multiscale: step 2: .*element 3, Gauss point 1.*failed\.nc"):
-        begun.run("multiscale", run="multiscale")
+        begun.run("tissue_coupled", run="multiscale")
     failed = datasets.read(begun.folder / "results/tissue/multiscale.failed.nc", "tissue")
     assert failed["converged"].values.tolist() == [True, False, False]
     assert np.isfinite(failed["cauchy_stress"][0]).all()
@@ -358,13 +357,13 @@ def test_a_walk_goes_on_from_a_record():
     for _ in range(4):
         begun.advance()
     on = Walk(second, specimen.prescribed.values)
-    for array, kept in zip(on.record.arrays, begun.record.arrays, strict=True):
+    for array, kept in zip(on.arrays, begun.arrays, strict=True):
         array[...] = kept
-    on.record.take(json.loads(json.dumps(begun.record.notes)))
+    on.take(json.loads(json.dumps(begun.notes)))
     while not on.is_over:
         on.advance()
     assert on.solution.displacement.tobytes() == whole.displacement.tobytes()
-    assert on.solution.stress.tobytes() == whole.stress.tobytes()
+    assert on.solution.piola.tobytes() == whole.piola.tobytes()
     assert on.solution.attempts == whole.attempts
 
 
@@ -380,6 +379,7 @@ def small_specimen_steps(steps: int):
 def test_table_2_sums_up_what_the_processes_counted(tmp_path):
     form = {"energy": "families", "objective": "stress"}
     config = {"reference": "multiscale", "model": form, "load_set": "set", "loads_used": 0.5}
+    config["paper"] = section("table_2")
     params = {"stage": "fibrous_study.steps.table_2", "config": config, "code_hash": ""}
 
     def written(name: str, seconds: float, **attributes) -> str:
@@ -396,7 +396,7 @@ def test_table_2_sums_up_what_the_processes_counted(tmp_path):
         dataset.to_netcdf(tmp_path / name, engine="netcdf4")
         return tmp_path / name
 
-    parts = json.dumps({"assembly": 1000.0, "factorisation": 500.0})
+    parts = json.dumps({"equilibrium": 1000.0, "condensation": 500.0})
     inputs = {
         "networks": [written("n.nc", 7.2)],
         # Half of the loads and one law of two: what is left is beyond the method.

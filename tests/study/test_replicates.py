@@ -3,14 +3,14 @@
 import numpy as np
 from small_study import Study
 
+from fibrous.networks.network import unpacked
 from fibrous_study import datasets
-from fibrous_study.loading import unpacked
 
 
 def replicates(folder, seeds: int, batch: str = "02"):
-    path = Study(folder, replicates={"seeds": seeds, "batches": 6}).run("networks", ensemble="replicates", batch=batch)[
-        "networks"
-    ]
+    path = Study(folder, replicates={"seeds": seeds, "batches": 6}).run(
+        "network_ensemble", ensemble="replicates", batch=batch
+    )["networks"]
     return datasets.read(path, "networks")
 
 

@@ -4,6 +4,7 @@ import base64
 import io
 import json
 import subprocess
+from collections import Counter
 from html.parser import HTMLParser
 from xml.etree import ElementTree
 
@@ -13,22 +14,22 @@ import pytest
 import yaml
 from PIL import Image
 from small_study import NO_PARAMS
-from workflow_runs import quick_config, snakemake
+from workflow_runs import job_of, jobs_of, quick_config, snakemake
 
 from fibrous_study import datasets
-from fibrous_study.audit.finding import Verdict
-from fibrous_study.audit.statements import CHECKS
-from fibrous_study.configuration import CAPTIONS, PROJECT, caption, loaded, statements
+from fibrous_study.audit.checks import CHECKS
+from fibrous_study.audit.verdict import Verdict
+from fibrous_study.audit.wording import worded
+from fibrous_study.configuration import CAPTIONS, PROJECT, caption, loaded
 from fibrous_study.datasets import read_table
-from fibrous_study.jobs import jobs
+from fibrous_study.paper import section
+from fibrous_study.provenance import commit, record
 from fibrous_study.report.headline import headline
-from fibrous_study.report.outline import CONTRADICTIONS, SECTIONS, TARGETS, exhibits, told
+from fibrous_study.report.outline import SECTIONS, TARGETS, exhibits
 from fibrous_study.report.page import table_page
 from fibrous_study.report.readme import duration, filled
 from fibrous_study.report.tables import VIEWS, shown
-from fibrous_study.report_stages import GATHERING, commit, flow
 from fibrous_study.schema import Field, Table
-from fibrous_study.stages import STAGES, stage_params
 from fibrous_study.steps import report, stage_costs
 
 LINKING = {"src", "href", "srcset", "action", "data", "poster", "xlink:href"}
@@ -84,6 +85,10 @@ def test_nothing_lies_outside_the_page(page):
     assert {link[1:] for link in page.links if link.startswith("#")} <= set(page.ids)
 
 
+def svg_of(figure: str) -> str:
+    return job_of(quick_config(), figure).content["outputs"]["svg"]
+
+
 def test_every_image_is_the_figure_of_its_name_and_can_be_decoded(quick, page):
     drawn = [one.stage for one in exhibits() if one.stage]
     assert list(page.images) == drawn
@@ -91,7 +96,7 @@ def test_every_image_is_the_figure_of_its_name_and_can_be_decoded(quick, page):
         kind, _, content = link.partition(",")
         assert kind == "data:image/svg+xml;base64"
         svg = base64.b64decode(content, validate=True)
-        assert svg == (quick[0] / STAGES[stage].outputs["svg"]).read_bytes()
+        assert svg == (quick[0] / svg_of(stage)).read_bytes()
         root = ElementTree.fromstring(svg)
         assert root.tag.endswith("svg")
         for image in root.iter("{http://www.w3.org/2000/svg}image"):
@@ -100,13 +105,13 @@ def test_every_image_is_the_figure_of_its_name_and_can_be_decoded(quick, page):
 
 
 def test_the_page_tells_every_statement_with_its_verdict(quick, page):
-    claims = pd.read_csv(quick[0] / "results/claims.csv").fillna("")
-    assert set(claims["id"]) <= set(page.ids)
+    claims = worded(pd.read_csv(quick[0] / "results/claims.csv"), section("statements"))
+    assert {claim.id for claim in claims} <= set(page.ids)
     words = " ".join(page.words.split())
-    for row in claims.to_dict("records"):
-        for column in ("says", "here", "spread", "verdict", "why"):
-            assert " ".join(row[column].split()) in words
-    for verdict, count in claims["verdict"].value_counts().items():
+    for claim in claims:
+        for text in (claim.says, claim.here, claim.spread, claim.verdict, claim.why):
+            assert " ".join(text.split()) in words
+    for verdict, count in Counter(claim.verdict for claim in claims).items():
         assert f"{verdict}{count} of {len(claims)} statements" in words.replace("\n", "")
 
 
@@ -122,24 +127,25 @@ def test_the_page_says_where_its_numbers_come_from(quick, page):
     assert "differs from the default one in cube, delaunay, replicates, synthetic_specimen, tissue." in page.words
 
 
-def test_every_statement_of_the_paper_stands_in_one_place():
-    assert sorted(told()) == sorted(CHECKS)
-    assert sorted(told()) == sorted(entry["id"] for entry in statements())
+def test_every_statement_of_the_paper_stands_below_a_figure_or_table():
+    assert {entry["under"] for entry in section("statements")} <= {one.name for one in exhibits()}
 
 
 def test_every_contradiction_is_settled_by_statements_that_are_judged(quick, page):
-    settled = [id for one in CONTRADICTIONS for id in one.claims]
+    contradictions = section("contradictions")
+    settled = [id for one in contradictions for id in one["statements"]]
     assert len(set(settled)) == len(settled)
     assert set(settled) <= set(CHECKS)
-    verdicts = pd.read_csv(quick[0] / "results/claims.csv").set_index("id")["verdict"]
-    for one in CONTRADICTIONS:
-        assert one.topic in page.words
-        # What follows from a verdict is said where that is the verdict.
-        assert (one.settled in page.words) == (verdicts[one.claims[0]] == one.verdict)
+    verdicts = pd.read_csv(quick[0] / "results/claims.csv").groupby("claim")["verdict"].first()
+    for one in contradictions:
+        assert one["verdict"] in set(Verdict)
+        assert one["topic"] in page.words
+        # What follows from a verdict is written where that is the verdict.
+        assert (one["settled"] in page.words) == (verdicts[one["statements"][0]] == one["verdict"])
 
 
 def test_every_figure_and_table_of_the_study_has_its_place():
-    figures = {name for name, stage in STAGES.items() if name.startswith("figure_") and not stage.on_demand}
+    figures = {job.rule for job in jobs_of(quick_config()) if job.rule.startswith("figure_")}
     assert {one.stage for one in exhibits() if one.stage} == figures
     assert {one.table for one in exhibits() if one.table} <= set(VIEWS)
     for name in figures:
@@ -153,9 +159,9 @@ def test_snakemakes_own_report_shows_figures_and_tables(quick, tmp_path):
     done = snakemake(quick[0], f"--report={tmp_path / 'report.html'}")
     assert done.returncode == 0, done.stderr
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
-    for section in SECTIONS:
-        if any(one.stage for one in section.exhibits):
-            assert json.dumps(section.title) in text
+    for part in SECTIONS:
+        if any(one.stage for one in part.exhibits):
+            assert json.dumps(part.title) in text
     for one in exhibits():
         if one.stage:
             assert json.dumps(one.title) in text
@@ -217,10 +223,11 @@ def test_costs_are_summed_over_what_a_target_waits_for(tmp_path):
         said = json.loads(beside.read_text()) | {"cpu_seconds": spent, "peak_memory_MB": 10.0 * spent}
         beside.write_text(json.dumps(said))
         files.append(path)
+        params = {"stage": f"fibrous_study.steps.{stages[i]}", "config": {}, "code_hash": ""}
+        record(path, params, {str(tmp_path / f"{j}.csv"): "" for j in reads[i]}, str(i))
     targets = {"figure": ["figure"], "curves": ["curves"], "fits": ["fits"]}
     outputs = {name: tmp_path / f"{name}.csv" for name in ("stages", "targets")}
-    config = {"stages": stages, "reads": reads, "targets": targets}
-    stage_costs.run({"files": files}, outputs, NO_PARAMS | {"config": config})
+    stage_costs.run({"files": files}, outputs, NO_PARAMS | {"config": {"targets": targets}})
     found = pd.read_csv(outputs["targets"]).set_index("target")
     assert found["cpu_seconds"].to_dict() == {"figure": 37.0, "curves": 15.0, "fits": 31.0, "all": 63.0}
     assert found["jobs"].to_dict() == {"figure": 3, "curves": 4, "fits": 5, "all": 6}
@@ -240,27 +247,11 @@ def test_costs_are_summed_over_what_a_target_waits_for(tmp_path):
     }
 
 
-def test_the_flow_is_that_of_the_files():
-    stages = {row["stage"]: row for row in flow(STAGES, quick_config())}
-    assert stages["fits"]["reads"] == ["curves"]
-    assert "refits" in stages["tissue"]["reads"]
-    assert stages["specimen"]["reads"] == []
-    assert set(stages["curves"]["drawn"]) >= {"figure_3", "figure_5", "figure_6"}
-    assert stages["networks"]["jobs"] == 6
-    assert "microstructure" not in stages
-
-
-def test_every_job_says_what_it_costs_in_a_file_that_is_no_picture():
-    for job in jobs(STAGES, quick_config()):
-        assert job.accounted.endswith((".nc", ".csv", ".feb", ".html"))
-
-
 def test_targets_are_those_of_the_workflow():
     rules = " ".join(path.read_text() for path in (PROJECT / "workflow/rules").glob("*.smk"))
     rules += (PROJECT / "Snakefile").read_text()
     for target in TARGETS:
         assert f"rule {target}:" in rules
-        assert target == "all" or set(GATHERING.get(target, (target,))) <= set(STAGES)
 
 
 # Words -------------------------------------------------------------------------------------------------------------
@@ -278,7 +269,8 @@ def table_2(times: float) -> pd.DataFrame:
 
 
 def test_the_headline_says_what_the_tables_hold():
-    claims = pd.DataFrame({"verdict": [Verdict.REPRODUCED.value] * 2 + [Verdict.PARTLY.value]})
+    verdicts = [Verdict.REPRODUCED.value] * 2 + [Verdict.PARTLY.value] * 2  # the last statement has two quantities
+    claims = pd.DataFrame({"claim": list("abcc"), "verdict": verdicts})
     laws = [
         ("affine", None, None, 0, 0.05),
         ("families", "structure_tensor", "energy", 1, 1.25),
@@ -311,7 +303,7 @@ def test_durations():
 
 def test_a_note_names_what_differs_from_the_default_config():
     def notes(config: dict) -> list[str]:
-        return report._notes(stage_params("report", config, {})["config"]["other_than_default"])
+        return report._notes(job_of(config, "report").params["config"]["other_than_default"])
 
     assert notes(loaded()) == []
     assert "in matrix." in notes(loaded() | {"matrix": {"C1_MPa": 1.0, "lame_lambda_MPa": 1.0}})[0]

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from small_study import small_config
+from workflow_runs import job_of
 
 from fibrous.curves import Curves
 from fibrous.deformation import Load, averaged_stretch, load_path, straight_path
@@ -15,7 +16,6 @@ from fibrous.materials.hgo import HGOStructureTensor
 from fibrous_study.sensitivity.sentences import sentences
 from fibrous_study.sensitivity.summary import completed, summary
 from fibrous_study.sensitivity.trial import stress_error, tried
-from fibrous_study.stages import stage_params
 from fibrous_study.steps import sensitivity_trial as stage
 from fibrous_study.variants import own_value, variant_called, variants, varied
 
@@ -106,7 +106,7 @@ def short(**changes) -> dict:
 
 
 def trials(config, folder, variant="base") -> pd.DataFrame:
-    params = stage_params("sensitivity", config, {"variant": variant})
+    params = job_of(config, "sensitivity_trial", variant=variant).params
     stage.run({}, {"trials": folder / f"{variant}.csv"}, params)
     return pd.read_csv(folder / f"{variant}.csv")
 

@@ -1,15 +1,18 @@
 """What is made of finite element runs: the table, models for FEBio, states for ParaView, all called synthetic."""
 
 import json
+from pathlib import Path
 
 import meshio
 import numpy as np
 import pandas as pd
 import pytest
 from feb_reader import Feb
-from small_study import HGO, constants, other_tensors, small_specimen
+from small_study import HGO, SPECIMEN_FILE, constants, other_tensors, small_specimen
+from workflow_runs import job_of
 
 from fibrous.specimen import MOVED
+from fibrous_study.steps import febio
 
 SPECIMEN, TENSORS = small_specimen(), other_tensors()
 
@@ -55,8 +58,17 @@ def test_the_table_says_how_far_a_refit_moved(study, other):
     assert refit["newton_iterations"] == int(after["newton_iterations"].sum())
 
 
+def in_febio(study, run: str) -> Path:
+    """The input file of FEBio of one run."""
+    job = job_of(study.config, "febio")
+    of_run = {"specimen": [study.folder / SPECIMEN_FILE], "tissue": [study.folder / f"results/tissue/{run}.nc"]}
+    path = study.folder / f"results/tissue/{run}.feb"
+    febio.run(of_run, {run: path}, {**job.params, "config": {**job.params["config"], "runs": [run]}})
+    return path
+
+
 def test_the_febio_model_is_the_problem_that_was_solved(study):
-    content = study.run("febio", run="hgo_refit")["feb"].read_bytes()
+    content = in_febio(study, "hgo_refit").read_bytes()
     found, (C2, C3) = Feb(content), constants("structure_tensor", "energy")
     np.testing.assert_array_equal(found.node_position, SPECIMEN.mesh.node_position)
     np.testing.assert_array_equal(found.element_nodes, SPECIMEN.mesh.element_nodes)
@@ -95,7 +107,7 @@ def test_the_last_state_for_paraview(study):
 
 
 def test_every_file_says_that_the_specimen_is_synthetic(study):
-    feb = study.run("febio", run="hgo")["feb"]
+    feb = in_febio(study, "hgo")
     for path in (feb, study.folder / "results/tissue/hgo.vtu"):
         assert b"<!-- synthetic specimen; mm, N, MPa -->" in path.read_bytes()
         assert json.loads((path.parent / f"{path.name}.json").read_text())["config_hash"]

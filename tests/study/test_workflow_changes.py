@@ -5,36 +5,31 @@ import shutil
 import pytest
 import xarray as xr
 import yaml
-from workflow_runs import QUICK, files_of, quick_config, snakemake, would_run, written
+from workflow_runs import QUICK, files_of, jobs_of, quick_config, snakemake, would_run, written
 
 from fibrous_study import provenance
 from fibrous_study.configuration import DEFAULT, validated
-from fibrous_study.stages import STAGES, expected_files, stage_params
 
 
 def downstream(config: dict, first: set[str]) -> set[str]:
     """The files, and all that are made from them."""
-    found, jobs = set(first), {}
-    for path, stage, wildcards in expected_files(config):
-        jobs.setdefault((stage, *sorted(wildcards.items())), (stage, wildcards, []))[2].append(path)
-    while True:
+    found, before = set(first), -1
+    while len(found) != before:
         before = len(found)
-        for stage, wildcards, outputs in jobs.values():
-            read = {path for paths in STAGES[stage].inputs(config, wildcards).values() for path in paths}
-            if read & found:
-                found |= set(outputs)
-        if len(found) == before:
-            return found
+        for job in jobs_of(config):
+            if job.inputs & found:
+                found |= job.outputs
+    return found
 
 
-def first_hit(*stages: str, **wanted: str):
-    """The files of these stages with these wildcards, and all that are made from them."""
-    return lambda: downstream(quick_config(), files_of(quick_config(), *stages, **wanted))
+def first_hit(*rules: str, **wanted: str):
+    """The files of these rules with these wildcards, and all that are made from them."""
+    return lambda: downstream(quick_config(), files_of(quick_config(), *rules, **wanted))
 
 
 def of_runs(*names: str):
     return lambda: downstream(
-        quick_config(), {path for name in names for path in files_of(quick_config(), "tissue", run=name)}
+        quick_config(), {path for name in names for path in files_of(quick_config(), "tissue_run", run=name)}
     )
 
 
@@ -48,8 +43,8 @@ def _with(key: str, index: int, **change) -> list[dict]:
     return entries
 
 
-the_networks = together(first_hit("networks"), first_hit("specimen"))
-the_curves = together(first_hit("curves"), first_hit("states"), first_hit("refit_curves"))
+the_networks = together(first_hit("network_ensemble"), first_hit("specimen"))
+the_curves = together(first_hit("network_curves"), first_hit("network_states"), first_hit("refit_curves"))
 SYNTHETIC = {
     "elements": [3, 4, 2], "length_mm": 11.0, "height_mm": 15.0, "thickness_mm": 1.9, "radius_mm": 16.0,
     "lowest_row_degrees": 19.0, "deviation_degrees": 3.0, "tilt_degrees": 1.0, "H11": [0.55, 0.69],
@@ -59,18 +54,18 @@ SYNTHETIC = {
 HGO_LAWS = ("hgo", "structure_tensor", "families", "stress", "hgo_surface")
 as_printed = together(
     *(
-        first_hit("fits", ensemble=ensemble, protocol=protocol)
+        first_hit("hgo_fits", ensemble=ensemble, protocol=protocol)
         for ensemble, protocol in (("tissue", "section_2_6"), ("named", "section_2_6"), ("named", "eq9"))
     ),
     of_runs(*HGO_LAWS),
 )
 # What tells the whole study is made again with any part of it.
-TELLING = {"stage_costs", "table_pages", "report"}
+TELLING = {"stage_costs", "figure_4", "table_pages", "report"}
 # Every key of the config, a change of it, and what depends on it.
 CHANGES = {
     "seed": (5, the_networks),
     **{
-        f"fiber.{key}": (value, first_hit("networks"))
+        f"fiber.{key}": (value, first_hit("network_ensemble"))
         for key, value in {
             "modulus_MPa": 11.0,
             "nonlinearity": 2.0,
@@ -79,36 +74,39 @@ CHANGES = {
         }.items()
     },
     **{
-        f"cube.{key}": (value, first_hit("networks"))
+        f"cube.{key}": (value, first_hit("network_ensemble"))
         for key, value in {
             "edge_length_um": 11.0,
             "volume_fraction": 0.05,
             "alignment_tolerance": 0.009,
         }.items()
     },
-    "delaunay.H11": ([0.34, 0.8], first_hit("networks", ensemble="delaunay")),
-    "delaunay.smallest_H": (0.06, first_hit("networks", ensemble="delaunay")),
+    "delaunay.H11": ([0.34, 0.8], first_hit("network_ensemble", ensemble="delaunay")),
+    "delaunay.smallest_H": (0.06, first_hit("network_ensemble", ensemble="delaunay")),
     "named": (
         lambda: _with("named", 5, H22=0.15),
-        together(first_hit("networks", ensemble="named"), first_hit("networks", ensemble="replicates")),
+        together(first_hit("network_ensemble", ensemble="named"), first_hit("network_ensemble", ensemble="replicates")),
     ),
-    "replicates.seeds": (3, first_hit("networks", ensemble="replicates")),
-    "protocols": (lambda: _with("protocols", 1, steps=10), first_hit("curves", "states", protocol="small")),
-    "principal_stretch_limit": (3.4, first_hit("curves", "states")),
-    "equilibrium.residual_tolerance": (1e-8, together(the_curves, first_hit("multiscale"))),
-    "equilibrium.largest_number_of_iterations": (50, together(the_curves, first_hit("multiscale"))),
-    "equilibrium.largest_number_of_cuts": (5, together(the_curves, first_hit("multiscale"))),
+    "replicates.seeds": (3, first_hit("network_ensemble", ensemble="replicates")),
+    "protocols": (
+        lambda: _with("protocols", 1, steps=10),
+        first_hit("network_curves", "network_states", protocol="small"),
+    ),
+    "principal_stretch_limit": (3.4, first_hit("network_curves", "network_states")),
+    "equilibrium.residual_tolerance": (1e-8, together(the_curves, first_hit("tissue_coupled"))),
+    "equilibrium.largest_number_of_iterations": (50, together(the_curves, first_hit("tissue_coupled"))),
+    "equilibrium.largest_number_of_cuts": (5, together(the_curves, first_hit("tissue_coupled"))),
     # Figures 5 and 6 draw load sets; the tissue takes its constants from one that did not change.
     "load_sets": (
         lambda: _with("load_sets", 1, loads=["x_uniaxial", "yz_shear"]),
-        together(first_hit("fits", protocol="large"), first_hit("fits", protocol="small")),
+        together(first_hit("hgo_fits", protocol="large"), first_hit("hgo_fits", protocol="small")),
     ),
-    "fit.largest_C3": (40.0, first_hit("fits", "refits")),
-    "fit.slope_fit_below_r_squared": (0.4, first_hit("fits", "refits")),
-    "surface.cross_validation_folds": (5, first_hit("surface")),
+    "fit.largest_C3": (40.0, first_hit("hgo_fits")),
+    "fit.slope_fit_below_r_squared": (0.4, first_hit("hgo_fits")),
+    "surface.cross_validation_folds": (5, first_hit("table_1")),
     **{f"synthetic_specimen.{key}": (value, first_hit("specimen")) for key, value in SYNTHETIC.items()},
-    "matrix.C1_MPa": (0.03, first_hit("tissue", "multiscale")),
-    "matrix.lame_lambda_MPa": (0.4, first_hit("tissue", "multiscale")),
+    "matrix.C1_MPa": (0.03, first_hit("tissue_run", "tissue_coupled")),
+    "matrix.lame_lambda_MPa": (0.4, first_hit("tissue_run", "tissue_coupled")),
     "tissue.surface_protocol": ("small", of_runs("hgo_surface")),
     # With the law as printed there is no problem that FEBio could be given.
     "tissue.tension_only": (False, lambda: as_printed() - files_of(quick_config(), "febio")),
@@ -129,7 +127,7 @@ CHANGES = {
             "steps": [7],
         }.items()
     },
-    "tissue.linear_solver": ("direct", first_hit("tissue", "multiscale")),
+    "tissue.linear_solver": ("direct", first_hit("tissue_run", "tissue_coupled")),
 }
 # Which networks, protocols and models there are, and whose, is the subject of tests of their own.
 OF_THEIR_OWN = {
@@ -163,13 +161,9 @@ def test_the_changes_speak_of_every_key():
 
 
 def outdated(before: dict, after: dict) -> set[str]:
-    """Files of the study of `after` that one of `before` lacks or made with other params."""
-    made = {path: stage_params(stage, before, wildcards) for path, stage, wildcards in expected_files(before)}
-    return {
-        path
-        for path, stage, wildcards in expected_files(after)
-        if made.get(path) != stage_params(stage, after, wildcards)
-    }
+    """Files of the study of `after` that one of `before` lacks or made with other params, and all made from these."""
+    made = {path: job.params for job in jobs_of(before) for path in job.outputs}
+    return downstream(after, {path for job in jobs_of(after) for path in job.outputs if made.get(path) != job.params})
 
 
 def changed(config: dict, **tissue) -> dict:
@@ -178,7 +172,7 @@ def changed(config: dict, **tissue) -> dict:
 
 def initial_fits(config: dict) -> set[str]:
     fitted = {model["name"] for model in config["tissue"]["models"] if model.get("constants") == "fit"}
-    return {path for name in fitted for path in files_of(config, "tissue", run=name)}
+    return {path for name in fitted for path in files_of(config, "tissue_run", run=name)}
 
 
 def test_constants_from_another_load_set_or_protocol_rerun_the_initial_runs_and_what_follows():
@@ -188,7 +182,7 @@ def test_constants_from_another_load_set_or_protocol_rerun_the_initial_runs_and_
     initial = initial_fits(before)
     assert len(initial) == 8
     found = outdated(before, changed(before, load_set="tension"))
-    of_surface = files_of(before, "tissue", run="hgo_surface")
+    of_surface = files_of(before, "tissue_run", run="hgo_surface")
     assert found == downstream(before, initial | of_surface | files_of(before, "case_study"))
     assert outdated(before, changed(before, protocol="again")) == downstream(before, initial)
 
@@ -268,30 +262,25 @@ def test_lagged_constants_need_no_curves_of_refits(quick):
 @pytest.mark.parametrize(
     ("source", "first", "spared"),
     [
-        ("fibrous/networks/generation.py", {"networks"}, {"specimen", "figure_7"}),
-        ("fibrous/networks/engine.py", {"curves", "states"}, {"networks", "specimen", "figure_7"}),
-        ("fibrous/fitting/hgo.py", {"fits"}, {"networks", "curves", "states", "specimen", "figure_7"}),
-        ("fibrous/fitting/surface.py", {"surface"}, {"networks", "curves", "states", "fits", "figure_3", "figure_7"}),
-        ("fibrous/fe/assembly.py", {"tissue"}, {"networks", "curves", "fits", "specimen", "surface", "case_study"}),
-        ("fibrous/specimen.py", {"specimen"}, {"surface", "case_study", "figure_7"}),
-        ("fibrous/hybrid.py", set(), set(STAGES)),
-        ("fibrous_study/steps/convergence.py", {"convergence"}, set(STAGES) - TELLING - {"convergence"}),
-        (
-            "fibrous_study/figures/figure_3.py",
-            {"figure_3"},
-            set(STAGES) - TELLING - {"figure_3", "figure_2", "figure_4"},
-        ),
-        ("fibrous/networks/three_fibers.py", {"figure_7", "claims"}, set(STAGES) - TELLING - {"figure_7", "claims"}),
-        ("fibrous_study/datasets.py", set(STAGES), set()),
+        ("fibrous/networks/generation.py", {"network_ensemble", "network_curves"}, {"specimen", "table_1"}),
+        ("fibrous/fitting/hgo.py", {"hgo_fits"}, {"network_ensemble", "network_curves", "specimen", "figure_7"}),
+        ("fibrous/fe/assembly.py", {"tissue_run"}, {"network_ensemble", "network_curves", "hgo_fits", "case_study"}),
+        ("fibrous/specimen.py", {"specimen"}, {"table_1", "case_study", "figure_7"}),
+        ("fibrous/hybrid.py", set(), None),
+        ("fibrous_study/steps/convergence.py", {"convergence"}, None),
+        ("fibrous_study/report/report.css", {"report", "table_pages"}, None),
+        ("fibrous_study/datasets.py", {"network_ensemble", "specimen", "figure_7", "report"}, set()),
     ],
 )
-def test_a_change_of_a_source_reruns_what_uses_it(quick, tmp_path, monkeypatch, source, first, spared):
+def test_a_change_of_a_source_reruns_what_uses_its_room(quick, tmp_path, monkeypatch, source, first, spared):
+    """Spared are all others where no rule is named."""
     sources = shutil.copytree(provenance.SOURCES, tmp_path / "src")
     with open(sources / source, "a") as stream:
-        stream.write("# changed\n")
+        stream.write("/* changed */\n" if source.endswith(".css") else "# changed\n")
     provenance.code_hash.cache_clear()
     monkeypatch.setattr(provenance, "SOURCES", sources)
     found = would_run(quick[0], {})
     provenance.code_hash.cache_clear()
+    others = {job.rule for job in jobs_of(quick_config())} - TELLING - first
     assert files_of(quick_config(), *first) <= found
-    assert not files_of(quick_config(), *spared) & found
+    assert not files_of(quick_config(), *(others if spared is None else spared)) & found

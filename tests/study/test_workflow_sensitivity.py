@@ -6,20 +6,17 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from workflow_runs import quick_config, would_run
+from workflow_runs import QUICK, jobs_of, quick_config, would_run, written
 
 from fibrous_study.check import check
 from fibrous_study.configuration import validated
-from fibrous_study.stages import possible_files, stage_params
 
-STAGES = ("sensitivity", "sensitivity_tables", "figure_sensitivity")
 FIT = ["C2_MPa", "C3", "r_squared", "lambda_f_max", "points_used"]
 
 
 def of_sensitivity(config: dict) -> dict[str, dict]:
     """Params of every file of the sensitivities."""
-    files = [one for one in possible_files(config) if one[1] in STAGES]
-    return {path: stage_params(stage, config, wildcards) for path, stage, wildcards in files}
+    return {path: job.params for job in jobs_of(config, "sensitivity") for path in job.outputs}
 
 
 def test_the_target_makes_its_own_files_and_needs_no_others(quick_sensitivity, tmp_path):
@@ -31,15 +28,13 @@ def test_the_target_makes_its_own_files_and_needs_no_others(quick_sensitivity, t
     assert would_run(quick_sensitivity, {}, "sensitivity") == set()
 
 
-def test_check_judges_them_where_they_are(quick, quick_sensitivity):
-    about_them = [line for line in check(quick_config(), quick_sensitivity)[0] if "sensitivity" in line]
-    assert about_them == []
-    assert not [line for line in check(quick_config(), quick[0])[0] if "sensitivity" in line]
+def test_check_judges_them_where_they_are(quick_sensitivity, tmp_path):
+    assert [line for line in check(QUICK, quick_sensitivity)[0] if "sensitivity" in line] == []
     other = quick_config()
     other["sensitivity"]["seeds"] = 3
-    stale = [line for line in check(other, quick_sensitivity)[0] if "sensitivity" in line]
-    assert len(stale) == 6 + 5
-    assert all(": stale, made " in line for line in stale)
+    lines = check(written(tmp_path, other), quick_sensitivity)[0]
+    stale = {line.split(": ")[0] for line in lines if "sensitivity" in line and ": stale, made with " in line}
+    assert stale == {path for path in of_sensitivity(quick_config()) if path.startswith("results/sensitivity/")}
 
 
 @pytest.mark.parametrize(
@@ -51,16 +46,13 @@ def test_check_judges_them_where_they_are(quick, quick_sensitivity):
         ("networks", ["case"], None),
     ],
 )
-def test_another_value_makes_its_own_trial_and_the_sums(key, value, made):
+def test_another_value_makes_its_own_trial(key, value, made):
     before = quick_config()
     after = copy.deepcopy(before)
     after["sensitivity"][key] = value
     old, new = of_sensitivity(before), of_sensitivity(validated(after))
-    changed = {path for path, params in new.items() if old.get(path) != params}
-    trials = {path for path in changed if path.startswith("results/sensitivity/")}
-    assert trials == ({path for path in new if path.startswith("results/sensitivity/")} if made is None else made)
-    sums = {path for path in new if not path.startswith("results/sensitivity/")}
-    assert changed - trials == (set() if made == set() else sums)
+    trials = {path for path in new if path.startswith("results/sensitivity/")}
+    assert {path for path in trials if old.get(path) != new[path]} == (trials if made is None else made)
 
 
 def test_the_base_is_what_the_studys_own_rules_give(quick, quick_sensitivity):

@@ -1,98 +1,141 @@
-# What a reader gets: the method in pictures, what every stage cost, every table as a page, and the report.
+# What a reader gets: what every stage cost, the method in pictures, every table as a page, and the report.
 
 
-rule figure_2:
+GATHERED = {
+    "networks": ["network_ensemble"],
+    "curves": ["network_curves", "refit_curves", "convergence"],
+    "fits": ["hgo_fits", "convergence"],
+    "tissue": ["specimen", "tissue_run", "tissue_lagged", "tissue_coupled", "febio", "tissue_table", "convergence"],
+}
+
+
+rule stage_costs:
     input:
-        unpack(inputs("figure_2")),
+        files=STUDY,
     output:
-        **outputs("figure_2"),
-    log:
-        "logs/figures/figure_2.log",
-    threads: 1
-    resources:
-        mem_mb=1500,
-        config=CONFIG,
-    params:
-        job=job("figure_2"),
-    message:
-        "Drawing Figure 2: from fibers to two constants"
-    shell:
-        JOB
-
-
-if stages.STAGES["figure_4"].instances(config):
-
-    rule figure_4:
-        input:
-            unpack(inputs("figure_4")),
-        output:
-            **outputs("figure_4"),
-        log:
-            "logs/figures/figure_4.log",
-        threads: 1
-        resources:
-            mem_mb=3000,
-            config=CONFIG,
-        params:
-            job=job("figure_4"),
-        message:
-            "Drawing Figure 4: the hybrid method, and the stages of the study"
-        shell:
-            JOB
-
-
-rule sum_up_costs:
-    input:
-        unpack(inputs("stage_costs")),
-    output:
-        **outputs("stage_costs"),
+        stages="results/tables/stages.csv",
+        targets="results/tables/targets.csv",
     log:
         "logs/stage_costs.log",
-    threads: 1
     resources:
         mem_mb=1000,
-        config=CONFIG,
     params:
-        job=job("stage_costs"),
+        **job(
+            "stage_costs",
+            lambda wildcards: {"targets": {target: GATHERED.get(target, [target]) for target in TARGETS}},
+        ),
     message:
         "Summing up what every stage and every target costs"
     shell:
         JOB
 
 
-rule show_tables:
+REPORT += rules.stage_costs.output
+
+
+if HYBRID and not LAGGED:
+
+    rule figure_4:
+        input:
+            specimen="results/tissue/specimen.nc",
+            networks=networks_of("tissue"),
+            curves=curves_of("tissue", config["tissue"]["protocol"]),
+            fits=f"results/fits/tissue/{config['tissue']['protocol']}.csv",
+            refit_curves=curves_of("tissue", f"refit_{HYBRID[-1].source}"),
+            refits=f"results/fits/tissue/refit_{HYBRID[-1].source}.csv",
+            tissue=expand("results/tissue/{run}.nc", run=[HYBRID[0].name, HYBRID[-1].name]),
+            stages="results/tables/stages.csv",
+        output:
+            png="results/figures/figure_4.png",
+            svg=drawn("results/figures/figure_4.svg"),
+            data="results/figures/figure_4.csv",
+        log:
+            "logs/figure_4.log",
+        resources:
+            mem_mb=3000,
+        params:
+            **job(
+                "figure_4",
+                lambda wildcards: {
+                    "load_set": next(
+                        entry for entry in config["load_sets"] if entry["name"] == config["tissue"]["load_set"]
+                    )
+                },
+            ),
+        message:
+            "Drawing Figure 4: the hybrid method, and the stages of the study"
+        shell:
+            JOB
+
+    REPORT += rules.figure_4.output
+
+
+TABLES = {name: view.path for name, view in VIEWS.items() if view.path in STUDY + REPORT}
+PAGES = {name: f"results/report/{name}.html" for name in TABLES}
+DRAWN = [show.stage for show in exhibits() if workflow.is_rule(show.stage) and figure_of(show.stage) in STUDY + REPORT]
+
+
+rule table_pages:
     input:
-        unpack(inputs("table_pages")),
+        tables=list(TABLES.values()),
     output:
-        **outputs("table_pages"),
+        **{
+            name: report(
+                path,
+                caption=str(configuration.CAPTIONS / "table.rst"),
+                category="Tables",
+                labels={"table": name},
+            )
+            for name, path in PAGES.items()
+        },
     log:
-        "logs/report_tables.log",
-    threads: 1
+        "logs/table_pages.log",
     resources:
         mem_mb=1000,
-        config=CONFIG,
     params:
-        job=job("table_pages"),
+        **job("table_pages", lambda wildcards: {"tables": list(TABLES)}),
     message:
         "Writing every table as a page"
     shell:
         JOB
 
 
+# What is made on demand is no part of what the report tells.
+TOLD = {key: value for key, value in config.items() if key not in ("microstructure", "sensitivity")}
+
+
 rule report:
     input:
-        unpack(inputs("report")),
+        figures=[figure_of(name) for name in DRAWN],
+        tables=list(TABLES.values()),
     output:
-        **outputs("report"),
+        page="results/report.html",
     log:
         "logs/report.log",
-    threads: 1
     resources:
         mem_mb=1000,
-        config=CONFIG,
     params:
-        job=job("report"),
+        **job(
+            "report",
+            lambda wildcards: {
+                "figures": [{"stage": name, "caption": configuration.caption(name)} for name in DRAWN],
+                "tables": list(TABLES),
+                "paper": {name: section(name) for name in ("statements", "contradictions")},
+                "other_than_default": [
+                    key for key, value in configuration.loaded().items() if TOLD.get(key, value) != value
+                ],
+                "seed": config["seed"],
+                "commit": commit(configuration.PROJECT),
+                # As text, since JSON with sorted keys would lose the order of a mapping.
+                "study": yaml.safe_dump(
+                    plan.in_order_of(configuration.loaded(), TOLD), sort_keys=False, allow_unicode=True, width=110
+                ),
+            },
+        ),
     message:
         "Writing the report"
     shell:
         JOB
+
+
+REPORT += [*PAGES.values(), *rules.report.output]

@@ -1,38 +1,45 @@
 # Sections 2.3 and 3.1: how the constants of Eq. 2 move with what the paper leaves open, one key of the config at a time.
 
+TRIALS = expand("results/sensitivity/{variant}.csv", variant=[variant.name for variant in variants.variants(config)])
 
-rule try_variant:
+
+rule sensitivity:
     input:
-        unpack(inputs("sensitivity")),
+        TRIALS,
+        "results/tables/sensitivity.csv",
+        "results/tables/sensitivity_sentences.csv",
+        expand("results/figures/sensitivity.{ending}", ending=["png", "svg", "csv"]),
+    message:
+        "Sensitivities of the constants of Eq. 2"
+
+
+rule sensitivity_trial:
     output:
-        **outputs("sensitivity"),
+        trials="results/sensitivity/{variant}.csv",
     log:
-        "logs/sensitivity/{variant}.log",
-    threads: 1
+        "logs/sensitivity_trial/{variant}.log",
     resources:
         mem_mb=1500,
-        config=CONFIG,
     params:
-        job=job("sensitivity"),
+        **job("sensitivity_trial", lambda wildcards: variants.trial(config, wildcards.variant)),
     message:
         "Making, loading and fitting networks for the sensitivities: variant {wildcards.variant}"
     shell:
         JOB
 
 
-rule tables_of_sensitivity:
+rule sensitivity_tables:
     input:
-        unpack(inputs("sensitivity_tables")),
+        trials=TRIALS,
     output:
-        **outputs("sensitivity_tables"),
+        table="results/tables/sensitivity.csv",
+        sentences="results/tables/sensitivity_sentences.csv",
     log:
-        "logs/sensitivity/tables.log",
-    threads: 1
+        "logs/sensitivity_tables.log",
     resources:
         mem_mb=1000,
-        config=CONFIG,
     params:
-        job=job("sensitivity_tables"),
+        **job("sensitivity_tables", lambda wildcards: {"factors": variants.own_values(config), **part("load_sets")}),
     message:
         "Summing up how the constants move"
     shell:
@@ -41,27 +48,18 @@ rule tables_of_sensitivity:
 
 rule figure_sensitivity:
     input:
-        unpack(inputs("figure_sensitivity")),
+        trials=TRIALS,
     output:
-        **outputs("figure_sensitivity"),
+        png="results/figures/sensitivity.png",
+        svg=drawn("results/figures/sensitivity.svg"),
+        data="results/figures/sensitivity.csv",
     log:
-        "logs/figures/sensitivity.log",
-    threads: 1
+        "logs/figure_sensitivity.log",
     resources:
         mem_mb=1000,
-        config=CONFIG,
     params:
-        job=job("figure_sensitivity"),
+        **job("figure_sensitivity", lambda wildcards: {"factors": variants.own_values(config), **part("load_sets")}),
     message:
         "Drawing how the constants move"
     shell:
         JOB
-
-
-rule sensitivity:
-    input:
-        stages.files("sensitivity", "trials", config),
-        [stages.files("sensitivity_tables", name, config) for name in ("table", "sentences")],
-        [stages.files("figure_sensitivity", name, config) for name in ("png", "svg", "data")],
-    message:
-        "Sensitivities of the constants of Eq. 2"

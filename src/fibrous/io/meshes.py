@@ -14,20 +14,19 @@ fibers : CSV with one row for each element and columns element, direction_x, dir
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
 
 import meshio
 import numpy as np
-import pandas as pd
 from netCDF4 import Dataset
 from numpy.typing import NDArray
 
-from fibrous.errors import DatasetError
+from fibrous.errors import DatasetError, naming
 from fibrous.fe.mesh import Mesh, MeshError
 from fibrous.io.netcdf import NETCDF_3, content_of
+from fibrous.io.tables import columns, read_csv
 from fibrous.specimen import FIXED, MOVED, NO_ENTHESIS, Specimen, structure_tensor_of
 
 Array = NDArray[np.float64]
@@ -43,18 +42,16 @@ ROUNDING = 1e-6
 PARALLEL = 1e-3
 
 
-def read_specimen(files: Mapping[str, str]) -> Specimen:
-    """The specimen of the files ``mesh``, ``motion`` and ``fibers``, formats as in the module's text.
+def read_specimen(mesh: Path | str, motion: Path | str, fibers: Path | str) -> Specimen:
+    """The specimen of three files, formats as in the module's text.
 
     Raises MeshError, naming the file and the row, node or element at fault, where they do not make one.
     """
-    mesh = read_mesh(Path(files["mesh"]))
-    enthesis, displacement = _read_motion(Path(files["motion"]), len(mesh.node_position))
-    direction, tensor = _read_fibers(Path(files["fibers"]), len(mesh.element_nodes))
-    try:
-        return Specimen(mesh, direction, tensor, enthesis, displacement, f"mesh of {files['mesh']}")
-    except MeshError as error:
-        raise MeshError(f"{files['motion']}: {error}") from None
+    hexahedra = read_mesh(Path(mesh))
+    enthesis, displacement = _read_motion(Path(motion), len(hexahedra.node_position))
+    direction, tensor = _read_fibers(Path(fibers), len(hexahedra.element_nodes))
+    with naming(str(motion)):
+        return Specimen(hexahedra, direction, tensor, enthesis, displacement, f"mesh of {mesh}")
 
 
 def read_mesh(path: Path) -> Mesh:
@@ -62,34 +59,31 @@ def read_mesh(path: Path) -> Mesh:
 
     Raises MeshError where it cannot be read, holds elements of another type, or is no mesh to compute with.
     """
-    found = _read_with_meshio(path)
+    content = _read_with_meshio(path)
     wrong: dict[str, int] = {}
-    for block in found.cells:
+    for block in content.cells:
         if block.type != "hexahedron":
             wrong[block.type] = wrong.get(block.type, 0) + len(block.data)
     if wrong:
         names = " and ".join(f"{count} {type_}" for type_, count in wrong.items())
         raise MeshError(f"{path}: has {names} elements; only hexahedra, of eight nodes, can be computed with")
-    if not found.cells:
+    if not content.cells:
         raise MeshError(f"{path}: has no elements; it needs hexahedra of eight nodes")
-    position = np.asarray(found.points, dtype=float)
-    try:
-        return Mesh(position, np.concatenate([block.data for block in found.cells]))
-    except MeshError as error:
-        raise MeshError(f"{path}: {error}") from None
+    with naming(str(path)):
+        return Mesh(content.points, np.concatenate([block.data for block in content.cells]))
 
 
 def _read_with_meshio(path: Path) -> meshio.Mesh:
     try:
-        content = content_of(path, "specimen_files in the config names it")
+        content = content_of(path, "give the path of a mesh file")
     except DatasetError as error:
         raise MeshError(str(error)) from None
     if content.startswith(NETCDF_3):
         _refuse_cut(path, content)
-    said = StringIO()
+    printed = StringIO()
     try:
         # meshio prints what it finds wrong, and ends the process for some files.
-        with redirect_stdout(said), redirect_stderr(said):
+        with redirect_stdout(printed), redirect_stderr(printed):
             return meshio.read(path)
     except MemoryError:
         raise
@@ -99,7 +93,7 @@ def _read_with_meshio(path: Path) -> meshio.Mesh:
             f"pip install {error.name}, or convert the mesh to VTU"
         ) from None
     except (Exception, SystemExit) as error:  # its readers let pass whatever they stumble over
-        text = " ".join((said.getvalue() or str(error) or type(error).__name__).split())[:120]
+        text = " ".join((printed.getvalue() or str(error) or type(error).__name__).split())[:120]
         raise MeshError(f"{path}: not a mesh file that meshio can read ({text})") from None
 
 
@@ -115,7 +109,7 @@ def _refuse_cut(path: Path, content: bytes) -> None:
 
 def _read_motion(path: Path, node_count: int) -> tuple[Index, Array]:
     """Enthesis of every node, shape (nodes,), and displacements, shape (steps, nodes, 3), mm, NaN at free nodes."""
-    values = _columns(path, _table(path), ["node", "enthesis", "step", *DISPLACEMENT])
+    values = columns(path, read_csv(path, MeshError), ["node", "enthesis", "step", *DISPLACEMENT], MeshError)
     node, number, step = _whole(path, values[:, :3], ["node", "enthesis", "step"]).T
     if not len(node):
         raise MeshError(f"{path}: has no rows; without entheses there is no load")
@@ -151,9 +145,9 @@ def _read_motion(path: Path, node_count: int) -> tuple[Index, Array]:
 
 def _read_fibers(path: Path, element_count: int) -> tuple[Array, Array]:
     """Directions, shape (elements, 3), and structure tensors, shape (elements, 3, 3)."""
-    table = _table(path)
+    table = read_csv(path, MeshError)
     given = [name for name in TRANSVERSE if name in table]
-    values = _columns(path, table, ["element", *EIGENVALUES, *DIRECTION, *(TRANSVERSE if given else [])])
+    values = columns(path, table, ["element", *EIGENVALUES, *DIRECTION, *(TRANSVERSE if given else [])], MeshError)
     element = _whole(path, values[:, :1], ["element"])[:, 0]
     _refuse_unknown(path, element, element_count, "element")
     count = np.bincount(element, minlength=element_count)
@@ -216,22 +210,3 @@ def _whole(path: Path, values: Array, names: list[str]) -> Index:
     if bad.size:
         raise MeshError(f"{path}: row {bad[0, 0]} has no whole number in the column '{names[bad[0, 1]]}'")
     return values.astype(np.int64)
-
-
-def _columns(path: Path, table: pd.DataFrame, names: list[str]) -> Array:
-    missing = [name for name in names if name not in table]
-    if missing:
-        raise MeshError(f"{path}: lacks the column '{missing[0]}'; it needs {', '.join(names)}")
-    numbers = table[names].apply(pd.to_numeric, errors="coerce").to_numpy(dtype=float)
-    bad = np.argwhere(~np.isfinite(numbers))
-    if bad.size:
-        raise MeshError(f"{path}: row {bad[0, 0]} has no finite number in the column '{names[bad[0, 1]]}'")
-    return numbers
-
-
-def _table(path: Path) -> pd.DataFrame:
-    try:
-        table = pd.read_csv(path, skipinitialspace=True)
-    except (OSError, ValueError) as error:
-        raise MeshError(f"{path}: not a readable CSV file ({' '.join(str(error).split())[:120]})") from None
-    return table.rename(columns=lambda name: str(name).strip())

@@ -62,7 +62,7 @@ class Followed:
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
-    """Follow the most stretched element of the initial run, the first of inputs["tissue"], and draw config["stages"].
+    """Follow the most stretched element of the initial run, the first of inputs["tissue"], and draw inputs["stages"].
 
     inputs["curves"] and inputs["fits"] hold the loads of config["load_set"], inputs["refit_curves"] and
     inputs["refits"] the deformation that the initial run found. Writes outputs["data"], curves and fits of panels a3
@@ -82,7 +82,24 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
         _constants(inputs["refits"][0], network, SINGLE, LOAD),
     )
     write_table(curve_points(followed), outputs["data"], params)
-    style.save(draw(specimen, runs, followed, config["stages"]), outputs, params)
+    style.save(draw(specimen, runs, followed, stages_of(inputs["stages"][0])), outputs, params)
+
+
+def stages_of(path: Path) -> list[dict[str, Any]]:
+    """Stages of the table that write data: `stage`, those that it `reads`, its `jobs`, the figures `drawn` of it."""
+    table = read_table(path, "stages").fillna({"reads": ""})
+    reads = {row["stage"]: row["reads"].split(", ") if row["reads"] else [] for row in table.to_dict("records")}
+    figures = [name for name in reads if name.startswith("figure_")]
+    return [
+        {
+            "stage": name,
+            "reads": reads[name],
+            "jobs": int(jobs),
+            "drawn": [one for one in figures if name in reads[one]],
+        }
+        for name, jobs in zip(table["stage"], table["jobs"], strict=True)
+        if name not in figures
+    ]
 
 
 def curve_points(followed: Followed) -> pd.DataFrame:
