@@ -81,7 +81,8 @@ def _table(
     rows: Mapping[str, tuple[str, ...]] | None = None,
     law: str = "",
 ) -> Table:
-    return Table(place, {name: Field(*column) for name, column in columns.items()}, rows or {}, law)
+    declared = {name: Field(column[0], column[1], *column[2:3]) for name, column in columns.items()}
+    return Table(place, declared, rows or {}, law)
 
 
 # fmt: off
