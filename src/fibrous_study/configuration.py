@@ -25,7 +25,6 @@ PROJECT = Path(__file__).parents[2]
 SCHEMA = PROJECT / "workflow" / "schemas" / "config.schema.yaml"
 DEFAULT = PROJECT / "config" / "config.yaml"
 CLAIMS = PROJECT / "config" / "claims.yaml"
-CAPTIONS = PROJECT / "workflow" / "report"
 TEMPLATES = Path(__file__).parent / "report"
 
 
@@ -75,16 +74,6 @@ def statements() -> list[dict[str, Any]]:
     if not isinstance(found, list):
         raise ConfigError(f"{CLAIMS}: must hold a list of statements")
     return found
-
-
-@cache
-def caption(name: str) -> str:
-    """What the report says below a figure, from the file that Snakemake's own report shows. Raises ConfigError."""
-    path = CAPTIONS / f"{name}.rst"
-    try:
-        return " ".join(path.read_text(encoding="utf-8").split())
-    except OSError as error:
-        raise ConfigError(f"{path}: {error.strerror}; write the caption of {name}") from None
 
 
 def _read(path: Path) -> Config:

@@ -10,11 +10,12 @@ from typing import Any
 import yaml
 
 from fibrous_study import plan
-from fibrous_study.configuration import PROJECT, TEMPLATES, caption, loaded
+from fibrous_study.configuration import PROJECT, TEMPLATES, loaded
 from fibrous_study.jobs import jobs
 from fibrous_study.network_stages import SPECIMEN, contents, curves_of, figure, once
 from fibrous_study.plan import FIGURE_NETWORK, FIGURE_PROTOCOLS, REFIT, Config, Stage
-from fibrous_study.report.outline import TARGETS, exhibits
+from fibrous_study.report import outline
+from fibrous_study.report.outline import TARGETS
 from fibrous_study.report.tables import VIEWS
 from fibrous_study.tissue_stages import TISSUE, networks_of_elements
 
@@ -149,7 +150,7 @@ def _figure_4_inputs(config: Config) -> dict[str, list[str]]:
 def _figures(stages: Mapping[str, Stage], config: Config) -> list[str]:
     """Stages of the figures of the report, in its order."""
     drawn = {job.stage for job in jobs(stages, config)}
-    return [one.stage for one in exhibits() if one.stage in drawn]
+    return [name for name in outline.figures() if name in drawn]
 
 
 def _tables(stages: Mapping[str, Stage], config: Config) -> list[str]:
@@ -166,15 +167,15 @@ def _report_inputs(stages: Mapping[str, Stage], config: Config) -> dict[str, lis
 
 
 def _templates() -> list[str]:
-    """What the pages' templates hold: they are code that no import reaches."""
-    return contents([str(path) for path in sorted(TEMPLATES.iterdir()) if path.suffix in (".html", ".css")])
+    """What the pages' words and templates hold: they are code that no import reaches."""
+    return contents([str(path) for path in sorted(TEMPLATES.iterdir()) if path.suffix in (".html", ".css", ".yaml")])
 
 
 def _report_config(stages: Mapping[str, Stage], config: Config) -> dict[str, Any]:
     default, on_demand = loaded(), {"microstructure", "sensitivity"}  # says nothing of what the report tells
     study = {key: value for key, value in config.items() if key not in on_demand}
     return {
-        "figures": [{"stage": name, "caption": caption(name)} for name in _figures(stages, config)],
+        "figures": _figures(stages, config),
         "tables": _tables(stages, config),
         "templates": _templates(),
         "other_than_default": [key for key in default if key in study and study[key] != default[key]],

@@ -7,10 +7,10 @@ import sys
 from pathlib import Path
 
 from fibrous.errors import FibrousError
-from fibrous_study.report.outline import SECTIONS
 from fibrous_study import configuration, plan, stages, variants
 from fibrous_study.steps import convergence
-from fibrous_study.job import hand_over
+from fibrous_study.job import FOLDER, hand_over
+from fibrous_study.report.outline import in_snakemake
 
 try:
     config = configuration.validated(config)
@@ -28,8 +28,8 @@ LONG_JOB = (
 
 PARAMS = stages.Params(config)
 
-# Section and title of the figure that each stage draws.
-FIGURES = {one.stage: (section.title, one.title) for section in SECTIONS for one in section.exhibits if one.stage}
+# What Snakemake's own report says of the figure that each stage draws, and of tables.
+SHOWN = in_snakemake(FOLDER / "captions")
 
 
 wildcard_constraints:
@@ -49,17 +49,11 @@ def only_runs(stage):
 def outputs(stage):
     found = dict(stages.STAGES[stage].outputs)
     # Snakemake's own report crops large images and shows no CSV: it gets vectors, and tables as pages.
-    if stage in FIGURES:
-        caption = configuration.CAPTIONS / f"{stage}.rst"
-        found["svg"] = report(
-            found["svg"], str(caption), category=FIGURES[stage][0], labels={"figure": FIGURES[stage][1]}
-        )
+    if stage in SHOWN:
+        found["svg"] = report(found["svg"], **SHOWN[stage])
     elif stage == "table_pages":
-        caption = configuration.CAPTIONS / "table.rst"
-        found["page"] = []
-        for name, path in stages.STAGES[stage].files(config, {}).items():
-            page = report(path, str(caption), category="Tables", labels={"table": name})
-            found["page"].append(page)
+        pages = stages.STAGES[stage].files(config, {})
+        found["page"] = [report(path, labels={"table": name}, **SHOWN["table"]) for name, path in pages.items()]
     return found
 
 

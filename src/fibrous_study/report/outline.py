@@ -1,304 +1,44 @@
-"""What the report tells, in order: sections with their figures and tables, and the statements that belong to each.
-
-The rules ask here, too, under which heading Snakemake's own report lists a figure.
-"""
+"""What the report tells, in order, as outline.yaml has it: sections, figures and tables with captions, words, targets."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
-from fibrous_study.audit.finding import Verdict
+import yaml
+
+OUTLINE: dict[str, Any] = yaml.safe_load(Path(__file__).with_suffix(".yaml").read_text(encoding="utf-8"))
+SECTIONS: list[dict[str, Any]] = OUTLINE["sections"]
+TARGETS: dict[str, list[str]] = OUTLINE["targets"]  # section of the paper, and what the target makes
 
 
-@dataclass(frozen=True)
-class Exhibit:
-    """A figure or a table of the report.
+def exhibits() -> Iterator[dict[str, Any]]:
+    """All figures and tables in their order, each with the name of its section."""
+    return ({**exhibit, "section": section["title"]} for section in SECTIONS for exhibit in section["exhibits"])
 
-    stage : that draws the figure, or nothing; table : name of a view in fibrous_study.report.tables, or nothing
-    title; claims : ids of the statements that it bears on
+
+def figures() -> dict[str, dict[str, Any]]:
+    """The exhibits that are figures, by the rule that draws each."""
+    return {exhibit["figure"]: exhibit for exhibit in exhibits() if "figure" in exhibit}
+
+
+def claims_of(section: dict[str, Any]) -> list[str]:
+    """Ids of the statements that a section tells of, in its order."""
+    return [id for part in (section, *section["exhibits"]) for id in part.get("claims", ())]
+
+
+def in_snakemake(folder: Path) -> dict[str, dict[str, Any]]:
+    """What Snakemake's own report shows beside each figure, by its rule, and beside tables: arguments of `report()`.
+
+    It takes captions from files: they are written into `folder`.
     """
-
-    title: str
-    stage: str = ""
-    table: str = ""
-    claims: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Section:
-    """A heading, a few sentences, the exhibits below them, and statements that none of these shows."""
-
-    title: str
-    text: str
-    exhibits: tuple[Exhibit, ...]
-    claims: tuple[str, ...] = ()
-
-
-SECTIONS = (
-    Section(
-        "The method in pictures",
-        "The tissue's collagen is a random network of fibres whose nodes find their own equilibrium. The hybrid method "
-        "of the paper loads each network in a few ways, keeps only the curve of its energy against an averaged "
-        "stretch, and fits to it the two constants of a continuum law that finite elements can run. With the "
-        "deformation that they find, the constants are fitted once more. The yardstick is the coupled simulation, with "
-        "a network in equilibrium at every Gauss point. Figure 1 of the paper shows experiments and has no counterpart "
-        "here.",
-        (
-            Exhibit("Figure 2. From fibres to two constants", "figure_2"),
-            Exhibit("Figure 4. The hybrid method, and the stages of this study", "figure_4"),
-        ),
-    ),
-    Section(
-        "One network under many loads",
-        "Sections 2.3 and 3.1 of the paper: a network of H = (0.69, 0.21, 0.10) under loads that end at the same "
-        "averaged stretch. The paper names two sets of five loads, with xz-shear (section 3.1) and with yz-shear "
-        "(section 2.3); here six loads are run and both sets are fitted.",
-        (
-            Exhibit(
-                "Figure 3. The network deformed, and how its fibres turn",
-                "figure_3",
-                claims=("realignment-spread", "figure-3-rows"),
-            ),
-            Exhibit(
-                "Figure 5. Energy against averaged stretch, with the fits",
-                "figure_5",
-                claims=(
-                    "curves-converge",
-                    "shear-pair",
-                    "family-fits",
-                    "family-fits-denied",
-                ),
-            ),
-        ),
-        ("case-alignment", "case-volume-fraction", "newton-iterations"),
-    ),
-    Section(
-        "Constants over alignment",
-        "Sections 2.4 and 3.2: 750 networks over the admissible alignments, the same loads, two constants each, and a "
-        "surface over (H11, H22) through them (Eq. 11).",
-        (
-            Exhibit(
-                "Figure 6. Five networks, their curves, and the constants over alignment",
-                "figure_6",
-                claims=(
-                    "fit-spread-grows",
-                    "network3-stretches",
-                    "network3-stiffer-transverse",
-                    "c2-trend",
-                    "c2-trend-discussion",
-                    "dissimilar-with-alignment",
-                    "constants-of-alignment-alone",
-                ),
-            ),
-            Exhibit(
-                "Table 1. Coefficients of Eq. 11, ours and the paper's",
-                table="table_1",
-                claims=("table1-c2", "table1-c3", "surface-r2"),
-            ),
-            Exhibit(
-                "What both surfaces give where the networks are",
-                table="surface_over_triangle",
-            ),
-            Exhibit(
-                "Figure 7. The three-fibre example, computed",
-                "figure_7",
-                claims=(
-                    "fig7-aligned-estimate",
-                    "fig7-aligned-mean",
-                    "fig7-transverse-estimate",
-                    "fig7-transverse-lengths",
-                    "fig7-transverse-stretches",
-                ),
-            ),
-        ),
-    ),
-    Section(
-        "A deformation that was not fitted",
-        "Sections 2.6 and 3.3: constants from five loads are tried on the deformation gradient of Eq. 9, then fitted "
-        "to it. The paper fits Eq. 2 and runs Eq. 10C, another law; here both are run with both kinds of constants.",
-        (
-            Exhibit(
-                "Figure 8. Stress of the network and of the laws fitted to it",
-                "figure_8",
-                claims=("initial-fit-under-eq9", "refit-under-eq9", "eq2-run-as-eq10c"),
-            ),
-            Exhibit("Errors of the laws under Eq. 9", table="section_2_6_errors"),
-        ),
-    ),
-    Section(
-        "The tissue",
-        "Sections 2.7 and 3.4: finite elements with a network for every element. The paper's mesh and motion are not "
-        "public: figures and tables say what stands in for them.",
-        (
-            Exhibit(
-                "The specimen, its constants and its motion",
-                "figure_specimen",
-                claims=("eq9-isochoric", "febio-hgo"),
-            ),
-            Exhibit(
-                "Figure 9. Maximum shear of the coupled simulation and of the hybrid method",
-                "figure_9",
-                claims=("hgo-locates-peaks", "hgo-initial-bias", "rms-initial", "rms-refit", "refit-direction"),
-            ),
-            Exhibit("Errors of every law against the coupled simulation", "figure_comparison"),
-            Exhibit("The same as a table", table="comparison"),
-        ),
-    ),
-    Section(
-        "What it costs",
-        "Table 2 of the paper counts CPU-hours on a supercomputer; ours are those that every process of this run "
-        "counted of itself.",
-        (
-            Exhibit(
-                "Table 2. CPU-hours",
-                table="table_2",
-                claims=(
-                    "time-ensemble",
-                    "time-refit",
-                    "time-fe",
-                    "time-multiscale",
-                    "time-total",
-                    "cost-estimate",
-                ),
-            ),
-            Exhibit("Where the time of the coupled simulation goes", table="table_2_parts"),
-        ),
-    ),
-)
-
-
-@dataclass(frozen=True)
-class Contradiction:
-    """What the paper says in two ways or takes for granted.
-
-    topic; claims : ids of the statements by which it is settled
-    settled : what follows where the first of them gets this verdict
-    """
-
-    topic: str
-    claims: tuple[str, ...]
-    verdict: str
-    settled: str
-
-
-CONTRADICTIONS = (
-    Contradiction(
-        "Table 1's C2: its sign, the order of its indices, other readings of H",
-        ("table1-c2",),
-        Verdict.CONTRADICTED,
-        "No reading of the printed coefficients gives a modulus that falls with alignment, as section 3.2 says.",
-    ),
-    Contradiction(
-        "Section 3.2 against section 4.1: how C2 and C3 change with alignment",
-        ("c2-trend-discussion", "c2-trend"),
-        Verdict.CONTRADICTED,
-        "Where the trend of C2 is clear it falls with alignment: section 3.2 is right. What C3 does depends on the "
-        "loads and on the range fitted.",
-    ),
-    Contradiction(
-        "xy- and yz-shear (section 2.3) against xy- and xz-shear (sections 2.6 and 3.1)",
-        ("shear-pair",),
-        Verdict.CONTRADICTED,
-        "It matters: constants and quality of the fits differ. Which of the paper's results belong to which pair is "
-        "said in the reason.",
-    ),
-    Contradiction(
-        "The stretches of network 3",
-        ("network3-stretches",),
-        Verdict.CONTRADICTED,
-        "The printed magnitudes do not lead to one averaged stretch, as section 2.3 wants.",
-    ),
-    Contradiction(
-        "Eq. 2 fitted and Eq. 10C run",
-        ("eq2-run-as-eq10c",),
-        Verdict.CONTRADICTED,
-        "They are two laws: with the same constants Eq. 10C stores more energy, and no refit of Eq. 2 can mend that.",
-    ),
-    Contradiction(
-        "One pair of constants a network, whatever the amplitude",
-        ("constants-of-alignment-alone",),
-        Verdict.NOT,
-        "The constants belong to the amplitude up to which they were fitted.",
-    ),
-    Contradiction(
-        "FEBio and the HGO model",
-        ("febio-hgo",),
-        Verdict.NOT,
-        "FEBio has the law, and along Eq. 9 it is nearer to Eq. 2 than the Eq. 10C that was run in its place.",
-    ),
-    Contradiction(
-        "The rows of Figure 3: text against caption",
-        ("figure-3-rows",),
-        Verdict.CONTRADICTED,
-        "Text and caption swap them, and no data decide which is right.",
-    ),
-    Contradiction(
-        "Section 3.1 against section 4.1: families of deformations",
-        ("family-fits", "family-fits-denied"),
-        Verdict.PARTLY,
-        "Each is right of some families and ranges; how many, the reason says.",
-    ),
-)
-# What a verdict means.
-MEANINGS = {
-    Verdict.REPRODUCED: "every part of the statement holds here, for most networks where it is about networks",
-    Verdict.PARTLY: "some of its parts, load sets or ranges hold, or a time is of the same order",
-    Verdict.NOT: "no part of it holds here",
-    Verdict.CONTRADICTED: "another passage, equation or number of the paper says or implies something else",
-    Verdict.UNKNOWN: "only the authors' own specimen could tell; what ours gives stands beside it",
-}
-# Words that figures and tables use.
-WORDS = {
-    "W": "strain energy density of the fibres (MPa).",
-    "λ_f": "averaged fibre stretch √(H:C) of Eq. 2, H the structure tensor, C the right Cauchy–Green tensor.",
-    "Load set": "five loads fitted together: section 3.1's have xz-shear (the default), section 2.3's yz-shear.",
-    "Coupled or multiscale": "the finite element run with a network in equilibrium at every Gauss point.",
-    "Hybrid": "the paper's method, with constants fitted to networks: Eq. 2 fitted, Eq. 10C run (called hgo in files).",
-    "Initial, refit": "constants from the load set, and from the deformation that the initial run found.",
-    "Replicates": "further random networks of one H. The network shown is none of them and may lie outside.",
-}
-# Targets of the workflow: section of the paper, and what each makes.
-TARGETS = {
-    "networks": (
-        "2.3, 2.4",
-        "750 Delaunay networks over the admissible alignments, six named ones, eight replicates of each",
-    ),
-    "curves": ("2.3, 3.1", "strain energy against averaged stretch: six loads, two ranges, 20 steps"),
-    "fits": ("2.3, 2.5", "(C2, C3) of Eq. 2 a network, for both load sets and for every load alone"),
-    "table_1": ("3.2", "the surface of Eq. 11 beside Table 1, and what both do over the triangle of alignments"),
-    "figure_2": ("2.2", "the way from fibres to two constants, in pictures"),
-    "figure_3": ("3.1", "the case-study network deformed, and its realignment"),
-    "figure_4": ("2.5", "the hybrid method followed through one element, and the stages of this study"),
-    "figure_5": ("3.1", "its curves with the fit, at 112 % and 10 % Green strain"),
-    "figure_6": ("3.2", "five networks with their curves; contours of data and surface"),
-    "figure_7": ("3.2", "the three-fibre example, computed"),
-    "case_study": ("2.6, 3.3", "the laws tried on Eq. 9: stresses and errors as tables"),
-    "figure_8": (
-        "2.6, 3.3",
-        "stresses under Eq. 9: network, laws fitted to it before and after the refit, its fibres alone",
-    ),
-    "specimen": ("2.7", "the tissue: mesh, fibres, entheses and their motion"),
-    "tissue": ("2.5, 2.7", "finite element runs for every law, refits, a table of all; for ParaView and FEBio, too"),
-    "figure_specimen": ("2.7", "the specimen with its constants, at rest and deformed"),
-    "comparison": ("3.4", "errors of every run against the one with a network at every Gauss point"),
-    "figure_comparison": ("3.4", "the same as a picture, and how errors grow with the load"),
-    "figure_9": ("3.4", "maximum shear stress and strain of multiscale, initial and refit, with the error maps"),
-    "table_2": ("3.4", "CPU-hours of every stage beside the paper's, and where those of the multiscale run go"),
-    "claims": ("all", "every checkable statement of the paper: what came out here, verdict and reason"),
-    "all": ("all", "all of this, and the report"),
-}
-
-
-def told() -> tuple[str, ...]:
-    """Ids of all statements in the order in which the report comes to them."""
-    return tuple(
-        id
-        for section in SECTIONS
-        for ids in (section.claims, *(exhibit.claims for exhibit in section.exhibits))
-        for id in ids
-    )
-
-
-def exhibits() -> tuple[Exhibit, ...]:
-    """All figures and tables in their order."""
-    return tuple(exhibit for section in SECTIONS for exhibit in section.exhibits)
+    shown = {
+        name: (figure["caption"], {"category": figure["section"], "labels": {"figure": figure["title"]}})
+        for name, figure in figures().items()
+    }
+    shown["table"] = (OUTLINE["table_caption"], {"category": "Tables"})
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, (caption, _) in shown.items():
+        (folder / f"{name}.rst").write_text(caption, encoding="utf-8")
+    return {name: {"caption": str((folder / f"{name}.rst").resolve()), **rest} for name, (_, rest) in shown.items()}
