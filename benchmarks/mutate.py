@@ -1117,8 +1117,8 @@ MUTATIONS = [
     Mutation(
         "nodes of the deformed specimen",
         "fibrous_study/figures/deformed.py",
-        'specimen["node_position"].values + last["displacement"].values',
-        'specimen["node_position"].values - last["displacement"].values',
+        'specimen["node_position"].values + fields.displacement',
+        'specimen["node_position"].values - fields.displacement',
         "study/test_tissue_figures.py",
     ),
     Mutation(
@@ -1264,8 +1264,8 @@ MUTATIONS = [
     Mutation(
         "error maps",
         "fibrous_study/figures/figure_9.py",
-        "one.elements[name] - reference.elements[name]",
-        "reference.elements[name] - one.elements[name]",
+        "run.elements[name] - runs[0].elements[name]",
+        "runs[0].elements[name] - run.elements[name]",
         "study/test_comparison_figures.py",
     ),
     Mutation(

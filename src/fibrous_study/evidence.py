@@ -23,8 +23,8 @@ from fibrous_study.audit.tissue import Tissue
 from fibrous_study.curve_datasets import read_curves
 from fibrous_study.fit_tables import ALL, SINGLE, fits_of
 from fibrous_study.solutions import LAW
-from fibrous_study.steps.comparison import fields_of
 from fibrous_study.steps.table_2 import MULTISCALE, TASKS
+from fibrous_study.tissue_runs import fields_of
 
 FIT_COLUMNS = (
     "network", "name", "load_set", "deformation", "energy", "objective", "H11", "H22", "H33", "lambda_f_max", "C2_MPa",

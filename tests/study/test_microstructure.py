@@ -265,7 +265,7 @@ def test_networks_are_drawn_where_they_are(elements):
             (lines,) = axes.findobj(LineCollection)
             state = states.sel(path="mean", step=2)
             fibers = state["node_position"].values[states["fiber_nodes"].values]
-            points, depth = figure.CAMERA.project(fibers)
+            points, depth = figure.CUBE_VIEW.project(fibers)
             np.testing.assert_allclose(lines.get_segments(), points[np.argsort(depth.mean(axis=1), kind="stable")])
             name = states.attrs["run"].replace("_", " ")
             largest = np.linalg.eigvalsh(state["orientation_tensor"].values)[-1]

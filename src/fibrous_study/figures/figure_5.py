@@ -23,7 +23,7 @@ from fibrous_study.figures.curves import (
     load_numbers,
     pooled_fits,
     stacked,
-)
+)  # fmt: skip
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
@@ -34,10 +34,10 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     """
     config = params["config"]
     network, protocols = config["network"], config["protocols"]
-    paths = zip(protocols, inputs["curves"], inputs["fits"], strict=True)
-    curves = {protocol: (curve_table(curve, network), pooled_fits(fit)) for protocol, curve, fit in paths}
-    states = stacked({protocol: table for protocol, (table, _) in curves.items()}, "protocol")
-    fits = stacked({protocol: fits[fits["name"] == network] for protocol, (_, fits) in curves.items()}, "protocol")
+    tables = dict(zip(protocols, (curve_table(path, network) for path in inputs["curves"]), strict=True))
+    states = stacked(tables, "protocol")
+    fits = stacked(dict(zip(protocols, map(pooled_fits, inputs["fits"]), strict=True)), "protocol")
+    fits = fits[fits["name"] == network]
     table = energy_table(states, fits, "protocol")
     write_table(table, outputs["data"], params)
     style.save(draw(states, fits, table, config["load_sets"]), outputs, params)
@@ -53,20 +53,14 @@ def draw(states: pd.DataFrame, fits: pd.DataFrame, table: pd.DataFrame, load_set
         own = states[states["protocol"] == protocol]
         curves = table[(table["protocol"] == protocol) & (table["kind"] == "fit")]
         beyond = draw_energies(axes, own, curves, load_sets[0]["loads"], load_numbers(states))
-        handles = _fit_handles(fits[fits["protocol"] == protocol], load_sets)
+        handles = []
+        for fit in fits[fits["protocol"] == protocol].to_dict("records"):
+            number = [load_set["name"] for load_set in load_sets].index(fit["load_set"])
+            label = f"Eq. 2 to {style.load_set_label(load_sets, number)}\n{fit_label(fit, ', ')}"
+            handles.append(Line2D([], [], **style.fit_style(number), label=label))
         handles += [Line2D([], [], ls="none", label=f"{load} leaves the panel,\n{end}") for load, end in beyond.items()]
         title = f"{amplitude(own)},\n$\\lambda_f$ ≤ {own['averaged_stretch'].max():.3f}"
         axes.legend(handles=handles, loc="upper left", title=title, alignment="left")
         style.panel_letter(axes, "abcdefgh"[column])
     figure.legend(handles=load_handles(states), loc="upper center", ncols=6, fontsize=6.5)
     return figure
-
-
-def _fit_handles(fits: pd.DataFrame, load_sets: list[dict[str, Any]]) -> list[Line2D]:
-    numbers = {load_set["name"]: number for number, load_set in enumerate(load_sets)}
-    handles = []
-    for fit in fits.to_dict("records"):
-        number = numbers[fit["load_set"]]
-        label = f"Eq. 2 to {style.load_set_label(load_sets, number)}\n{fit_label(fit, ', ')}"
-        handles.append(Line2D([], [], **style.fit_style(number), label=label))
-    return handles

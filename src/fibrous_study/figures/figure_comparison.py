@@ -9,10 +9,8 @@ from typing import Any
 import matplotlib
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from fibrous_study.datasets import read_table, write_table
 from fibrous_study.figures import style
@@ -74,7 +72,7 @@ def draw(ends: pd.DataFrame, steps: pd.DataFrame) -> Figure:
     ends_axes[0].set_ylim(len(looks) - 0.5, -0.5)
     growth_axes[0].set_ylabel("error (%)")
     for axis in (ends_axes[0].xaxis, growth_axes[0].yaxis):
-        _show_percent(axis)
+        style.plain_ticks(axis, (1.0, 3.0))
     figure.legend(handles=_handles(), loc="lower left", bbox_to_anchor=(0.005, 0.2), handlelength=2.6)
     figure.text(0.012, 0.012, _note(ends), fontsize=6.0)
     return figure
@@ -85,7 +83,7 @@ def _looks(models: pd.DataFrame) -> dict[str, dict[str, Any]]:
     with_fibers = list(models.loc[models["law"] != MATRIX, "model"])
     looks: dict[str, dict[str, Any]] = {name: {"color": style.FAINT, "marker": "x"} for name in models["model"]}
     for number, name in enumerate(with_fibers):
-        looks[name] = {"color": style.model_style(number)["color"], "marker": style.model_marker(number)}
+        looks[name] = style.law_marker(number)
     return looks
 
 
@@ -113,13 +111,6 @@ def _draw_growth(axes: Axes, table: pd.DataFrame, looks: Mapping[str, dict[str, 
 def _fill(refits: int) -> dict[str, Any]:
     """Markers of initial constants are open, so that a refit which changes nothing shows through."""
     return {"mfc": "none", "mew": 0.8} if refits == 0 else {"mew": 0.8}
-
-
-def _show_percent(axis: Axis) -> None:
-    """Ticks at 1 and 3 of each decade, written as plain numbers."""
-    axis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_locator(NullLocator())
 
 
 def _handles() -> list[Line2D]:

@@ -16,8 +16,7 @@ from matplotlib.gridspec import SubplotSpec
 
 from fibrous_study.datasets import read, write_table
 from fibrous_study.figures import style
-from fibrous_study.figures.figure_3 import CAMERA, COLORED_SHARE
-from fibrous_study.figures.projection import draw_axes_cross, draw_edge_length, draw_fibers, draw_outline, fit_view
+from fibrous_study.figures.projection import CUBE_VIEW, draw_axes_cross, draw_state
 
 MEAN = "mean"
 SHARES = np.linspace(0.0, 1.0, 101)
@@ -73,7 +72,7 @@ def draw(elements: Elements) -> Figure:
     rows = figure.add_gridspec(len(elements), runs + 2, width_ratios=[*[1.0] * runs, 0.45, 0.85])
     rows.update(left=0.01, right=0.985, bottom=16.0 / height, top=1.0 - 7.0 / height, hspace=0.3, wspace=0.04)
     shown = [states.sel(path=MEAN, step=last_step(states)) for files in elements.values() for states in files]
-    largest = style.stretch_limit(np.concatenate([one["fiber_stretch"].values for one in shown]), COLORED_SHARE)
+    largest = style.stretch_limit(np.concatenate([one["fiber_stretch"].values for one in shown]))
     for row, (element, files) in enumerate(elements.items()):
         for column, states in enumerate(files):
             axes = figure.add_subplot(rows[row, column])
@@ -92,13 +91,9 @@ def draw(elements: Elements) -> Figure:
 def _draw_network(axes: Axes, states: xr.Dataset, largest: float, with_cross: bool) -> None:
     step = last_step(states)
     state = states.sel(path=MEAN, step=step)
-    fibers = state["node_position"].values[states["fiber_nodes"].values]
-    colors = style.stretch_colors(state["fiber_stretch"].values, largest)
-    draw_fibers(axes, CAMERA, fibers, colors, width=0.35, fade=0.4)
-    corners = draw_outline(axes, CAMERA, state["deformation_gradient"].values)
-    fit_view(axes, np.vstack([corners, draw_edge_length(axes, corners)]))
+    draw_state(axes, CUBE_VIEW, state, largest)
     if with_cross:
-        draw_axes_cross(axes, CAMERA, np.array([axes.get_xlim()[0], axes.get_ylim()[0]]) + 0.1, 0.25)
+        draw_axes_cross(axes, CUBE_VIEW, 0.25)
     turned = np.linalg.eigvalsh(state["orientation_tensor"].values)[-1]
     name = str(states.attrs["run"]).replace("_", " ")
     axes.set_title(f"element {states.attrs['element']}, {name}\nlargest eigenvalue of $h$: {turned:.3f}", pad=1.0)
@@ -107,7 +102,7 @@ def _draw_network(axes: Axes, states: xr.Dataset, largest: float, with_cross: bo
 def _draw_distributions(axes: Axes, table: pd.DataFrame) -> None:
     """The mean path of each run as a line, all of its Gauss points as a band."""
     for number, (name, own) in enumerate(table.groupby("run", sort=False)):
-        look = style.model_style(number)
+        look = style.law_line(number)
         mean, points = own[own["path"] == MEAN], own[own["path"] != MEAN].groupby("share")["fiber_stretch"]
         axes.fill_betweenx(SHARES, points.min(), points.max(), color=look["color"], alpha=0.2, lw=0.0, zorder=2)
         axes.plot(mean["fiber_stretch"], mean["share"], **look, label=str(name).replace("_", " "), zorder=3)
@@ -126,4 +121,4 @@ def _note(elements: Elements) -> str:
     first = next(iter(elements.values()))[0]
     note = f"{str(first.attrs['origin']).capitalize()} at load step {last_step(first)}. Networks and lines: under the "
     note += "mean F of their element; bands: under F of its Gauss points.\nBars: edge of the undeformed cube. Farther "
-    return note + f"fibres are drawn paler. The colour scale holds {COLORED_SHARE:.0%} of the fibres."
+    return note + f"fibres are drawn paler. The colour scale holds {style.COLORED_SHARE:.0%} of the fibres."

@@ -1,4 +1,4 @@
-"""What the report tells, in order, as outline.yaml has it: sections, figures and tables with captions, words, targets."""
+"""What the report tells, in order, as outline.yaml has it: sections, exhibits with captions, words, targets."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ def page(title: str, **content: Any) -> str:
 
 
 def images(figures: Mapping[str, bytes]) -> dict[str, tuple[str, float]]:
-    """SVG figures as links that hold them, with widths in percent of the widest: letters are of one size on the page."""
+    """SVG figures as links that hold them, with widths in percent of the widest, so that letters are of one size."""
     widths = {name: float(match.group(1)) if (match := _WIDTH.search(svg)) else 0.0 for name, svg in figures.items()}
     widest = max(widths.values(), default=0.0)
     return {

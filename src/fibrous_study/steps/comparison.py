@@ -9,10 +9,9 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
-from fibrous.comparison import Comparison, Fields
-from fibrous.errors import DatasetError
-from fibrous.specimen import MOVED
+from fibrous.comparison import Comparison
 from fibrous_study import datasets
+from fibrous_study.tissue_runs import fields_of, read_run
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
@@ -26,7 +25,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     reference = datasets.read(entries.pop(config["reference"])[1], "tissue")
     last, grown = [], []
     for entry, path in entries.values():
-        state = _read(path, reference)
+        state = read_run(path, reference, "reference")
         rows = [{"step": step, **_errors(comparison)} for step, comparison in _comparisons(state, reference)]
         about = {"run": entry["name"], "specimen": state.attrs["origin"]}
         grown += [
@@ -38,31 +37,12 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     datasets.write_table(pd.DataFrame(grown), outputs["steps"], params)
 
 
-def _read(path: Path, reference: xr.Dataset) -> xr.Dataset:
-    state = datasets.read(path, "tissue")
-    for name in ("node", "element"):
-        if state.sizes[name] != reference.sizes[name]:
-            raise DatasetError(
-                f"{path}: has {state.sizes[name]} {name}s where the reference has {reference.sizes[name]}; "
-                "delete both and run again"
-            )
-    return state
-
-
 def _comparisons(state: xr.Dataset, reference: xr.Dataset) -> Iterator[tuple[int, Comparison]]:
     """The reference's step and the comparison there, at the last step or at every one."""
     same = state.sizes["step"] == reference.sizes["step"]
     for index in range(reference.sizes["step"]) if same else [-1]:
         step = int(reference["step"].values[index])
         yield step, Comparison.of(*(fields_of(one.isel(step=index)) for one in (state, reference)))
-
-
-def fields_of(state: xr.Dataset) -> Fields:
-    """The fields of a run at one of its load steps."""
-    reaction = state["reaction_force"].sel(enthesis=MOVED).values
-    return Fields.of(
-        state["deformation_gradient"].values, state["cauchy_stress"].values, state["displacement"].values, reaction
-    )
 
 
 def _about(entry: Mapping[str, Any], state: xr.Dataset) -> dict[str, Any]:

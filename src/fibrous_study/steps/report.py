@@ -48,7 +48,8 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
 
 def _claims(tables: Mapping[str, pd.DataFrame]) -> dict[str, dict[Any, Any]]:
     """The statements with what came out, each cell a text, by their ids; none where the run has not judged them."""
-    return tables["claims"].fillna("").set_index("id").to_dict("index") if "claims" in tables else {}
+    rows = tables["claims"].fillna("").to_dict("records") if "claims" in tables else []
+    return {row["id"]: row for row in rows}
 
 
 def _exhibits(section: Mapping[str, Any]) -> list[str]:
