@@ -1249,16 +1249,16 @@ MUTATIONS = [
     ),
     Mutation(
         "how far medians move",
-        "fibrous_study/sensitivity/sentences.py",
-        "self.medians.max(axis=1) - self.medians.min(axis=1)",
-        "self.medians.max(axis=1) + self.medians.min(axis=1)",
+        "fibrous_study/sensitivity/summary.py",
+        "medians.max(axis=1) - medians.min(axis=1)",
+        "medians.max(axis=1) + medians.min(axis=1)",
         "study/test_sensitivity.py",
     ),
     Mutation(
         "a move beyond the seeds",
-        "fibrous_study/sensitivity/sentences.py",
-        "self.size > self.largest - self.least",
-        "self.size < self.largest - self.least",
+        "fibrous_study/sensitivity/summary.py",
+        "size > spread",
+        "size < spread",
         "study/test_sensitivity.py",
     ),
     Mutation(

@@ -240,11 +240,19 @@ TABLES: dict[str, dict[str, tuple[str, str]]] = {
     },
     "tables/sensitivity_sentences.csv": {
         "factor": ("", "what is varied; also `shear_directions`, the load sets, and `seeds`, the networks"),
-        "sentence": (
-            "",
-            "how far medians over networks move, in cases of an alignment and a load set each, and whether by more "
-            "than the base's networks are apart",
-        ),
+        "quantity": ("", "`C2_MPa`, `C3`, `r_squared` or `stress_error`, as in `sensitivity.csv`"),
+        "cases": ("1", "networks under one load set each; networks alone where load sets are compared"),
+        "beyond_seeds": ("1", "cases whose medians move by more than the base's networks are apart"),
+        "network": ("", "alignment of the case that moves most among those beyond seeds, or among all"),
+        "load_set": ("", "its load set; empty where load sets are compared"),
+        "least": ("1", "its least median, in the unit of the quantity"),
+        "least_at": ("", "value of the factor there, or load set"),
+        "largest": ("1", "its largest median, in the unit of the quantity"),
+        "largest_at": ("", "value of the factor there, or load set"),
+        "seeds_least": ("1", "the least of the base's networks in this case, in the unit of the quantity"),
+        "seeds_largest": ("1", "the largest of them"),
+        "states_failed": ("1", "states without an equilibrium, which are left out"),
+        "sentence": ("", "the same in words"),
     },
     "tables/comparison.csv": {
         "run": ("", "run of the tissue that is compared with the coupled multiscale simulation, at the last load step"),
