@@ -1194,15 +1194,15 @@ MUTATIONS = [
     Mutation(
         "displacement that a refit changed",
         "fibrous_study/steps/tissue_table.py",
-        'last["displacement"].values - first["displacement"].values',
-        'last["displacement"].values + first["displacement"].values',
+        "moved.displacement - start.displacement",
+        "moved.displacement + start.displacement",
         "study/test_tissue_outputs.py",
     ),
     Mutation(
         "stress that a refit changed",
         "fibrous_study/steps/tissue_table.py",
-        "_shear(state) - _shear(before)",
-        "_shear(state) + _shear(before)",
+        "moved.shear_stress - start.shear_stress",
+        "moved.shear_stress + start.shear_stress",
         "study/test_tissue_outputs.py",
     ),
     Mutation(

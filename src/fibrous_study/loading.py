@@ -103,6 +103,14 @@ def scale_of(dataset: xr.Dataset) -> float:
     return stress_scale(*(float(dataset.attrs[name]) for name in names))
 
 
+def index_of(names: np.ndarray, name: str) -> int:
+    """Where the network of that name stands among these. Raises DatasetError where none or several have it."""
+    there = np.flatnonzero(names == name)
+    if there.size != 1:
+        raise DatasetError(f"holds {there.size} networks named '{name}' where one is needed")
+    return int(there[0])
+
+
 def unpacked(dataset: xr.Dataset) -> list[Network]:
     """The networks of a dataset of the kind `networks`, in its order.
 
@@ -122,3 +130,8 @@ def unpacked(dataset: xr.Dataset) -> list[Network]:
         strict=True,
     )
     return [Network(*part) for part in parts]
+
+
+def network_named(dataset: xr.Dataset, name: str) -> Network:
+    """The only network of that name in a dataset of the kind `networks`. Raises DatasetError."""
+    return unpacked(dataset)[index_of(dataset["name"].values, name)]

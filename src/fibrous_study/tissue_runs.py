@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import xarray as xr
 
@@ -22,6 +24,16 @@ def read_run(path: Path, other: xr.Dataset, other_name: str) -> xr.Dataset:
                 "delete both and run again"
             )
     return run
+
+
+def law_columns(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """What tables say of the law of a run, by its entry in the config."""
+    model = entry["model"]
+    return {
+        "law": model["law"],
+        **{name: model.get(name, "") for name in ("constants", "energy", "objective")},
+        "refits": entry["refits"],
+    }
 
 
 def fields_of(state: xr.Dataset) -> Fields:

@@ -12,11 +12,12 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from fibrous.deformation import largest_principal_stretch
-from fibrous.errors import DatasetError
+from fibrous.errors import naming
 from fibrous.fitting.hgo import strain_energy
 from fibrous_study.curve_datasets import read_curves
 from fibrous_study.datasets import read_table
 from fibrous_study.figures import style
+from fibrous_study.loading import index_of
 
 FIT_COLUMNS = (
     "name",
@@ -43,9 +44,9 @@ def curve_table(path: Path, network: str) -> pd.DataFrame:
     strain_energy_density_MPa, largest_orientation_eigenvalue, converged, amplitude_limited. Raises DatasetError where
     no network has the name.
     """
-    curves = read_curves([path]).called(network)
-    if len(curves.names) != 1:
-        raise DatasetError(f"{path}: holds {len(curves.names)} networks named '{network}' where the figure draws one")
+    curves = read_curves([path])
+    with naming(str(path)):
+        curves = curves.network(index_of(curves.names, network))
     loads, steps = curves.magnitude.shape[1:]
     return pd.DataFrame(
         {

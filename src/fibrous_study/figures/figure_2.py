@@ -23,7 +23,8 @@ from fibrous_study.figures.curves import (
     pooled_fits,
 )  # fmt: skip
 from fibrous_study.figures.figure_3 import last_state
-from fibrous_study.figures.projection import CUBE_VIEW, draw_network, draw_state, fibers_of, index_of
+from fibrous_study.figures.projection import CUBE_VIEW, draw_network, draw_state, fibers_of
+from fibrous_study.loading import network_named
 
 # Panels: left, bottom, width, height; where the words begin, in shares of the figure; the stage whose work is shown.
 PANELS: tuple[tuple[tuple[float, float, float, float], float, str, str, str], ...] = (
@@ -78,7 +79,7 @@ def draw(
     figure = style.new_figure(style.FULL_WIDTH_MM, 74.0)
     panels = [figure.add_axes(box) for box, *_ in PANELS]
     fit, load = fits.to_dict("records")[0], str(curves["deformation"].iloc[0])
-    draw_network(panels[0], CUBE_VIEW, fibers_of(networks, index_of(networks, fit["name"])), 0.25, width=0.3, fade=0.6)
+    draw_network(panels[0], CUBE_VIEW, fibers_of(network_named(networks, fit["name"])), 0.25, width=0.3, fade=0.6)
     state = last_state(states, load)
     limit = style.stretch_limit(state["fiber_stretch"].values)
     draw_state(panels[1], CUBE_VIEW, state, limit, width=0.3, edge_bar=False)

@@ -28,6 +28,7 @@ from fibrous_study.figures.deformed import Body, Run, field_scale, last_step
 from fibrous_study.figures.flow import Chart, chart
 from fibrous_study.figures.projection import CUBE_VIEW, draw_network, fibers_of
 from fibrous_study.fit_tables import ALL, LOAD, SINGLE, fits_of
+from fibrous_study.loading import unpacked
 
 SHOWN = "maximum_shear_stress_MPa"
 FIT_COLUMNS = ("network", "load_set", "deformation", "energy", "objective", "C2_MPa", "C3")
@@ -216,7 +217,7 @@ def _fibers(paths: list[Path], network: int) -> np.ndarray:
         networks = read(path, "networks")
         numbers = networks["network"].values.tolist()
         if network in numbers:
-            return fibers_of(networks, numbers.index(network))
+            return fibers_of(unpacked(networks)[numbers.index(network)])
     raise DatasetError(f"{paths[0].parent}: no file holds network {network}; delete the networks and run again")
 
 

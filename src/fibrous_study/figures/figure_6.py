@@ -17,6 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from fibrous.fitting.surface import Region, evaluate
+from fibrous.networks.network import structure_tensor
 from fibrous_study.datasets import read, write_table
 from fibrous_study.figures import style
 from fibrous_study.figures.curves import (
@@ -30,7 +31,8 @@ from fibrous_study.figures.curves import (
     pooled_fits,
     stacked,
 )  # fmt: skip
-from fibrous_study.figures.projection import XY_VIEW, XZ_VIEW, draw_axes_cross, draw_network, fibers_of, index_of
+from fibrous_study.figures.projection import XY_VIEW, XZ_VIEW, draw_axes_cross, draw_network, fibers_of
+from fibrous_study.loading import network_named
 
 # constant of the surface: column of the fits, column of its half-width, label
 CONSTANTS = {
@@ -103,8 +105,8 @@ def draw(
     figure = style.new_figure(style.FULL_WIDTH_MM, 185.0)
     grid = figure.add_gridspec(3, len(fits), left=0.068, right=0.992, top=0.945, bottom=0.425, wspace=0.42, hspace=0.1)
     for column, fit in enumerate(fits.to_dict("records")):
-        index = index_of(networks, fit["name"])
-        fibers, tensor = fibers_of(networks, index), networks["structure_tensor"].values[index]
+        network = network_named(networks, fit["name"])
+        fibers, tensor = fibers_of(network), structure_tensor(network.fiber_vectors)
         for row, (letter, camera) in enumerate({"a": XY_VIEW, "b": XZ_VIEW}.items()):
             axes = figure.add_subplot(grid[row, column])
             draw_network(axes, camera, fibers, 0.1, width=0.3, fade=0.85)

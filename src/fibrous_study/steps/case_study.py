@@ -20,7 +20,7 @@ from fibrous.materials.hgo import law_called
 from fibrous_study import datasets
 from fibrous_study.curve_datasets import read_curves
 from fibrous_study.fit_tables import ALL, SINGLE, TENSOR_COLUMNS, fits_of, structure_tensors
-from fibrous_study.loading import fiber_law, scale_of, unpacked
+from fibrous_study.loading import fiber_law, index_of, network_named, scale_of
 
 NETWORK = "network"  # in the column `model`
 INITIAL, REFIT = "initial", "refit"
@@ -76,14 +76,8 @@ def _path_of(path: Path, name: str) -> Curves:
     curves = read_curves([path])
     if len(curves.loads) != 1:
         raise DatasetError(f"{path}: holds {len(curves.loads)} deformations where the case study has one")
-    return curves.network(_index_of(curves.names, name, path))
-
-
-def _index_of(names: np.ndarray, name: str, path: Path) -> int:
-    found = np.flatnonzero(names == name)
-    if found.size != 1:
-        raise DatasetError(f"{path}: holds {found.size} networks named '{name}' where the case study has one")
-    return int(found[0])
+    with naming(str(path)):
+        return curves.network(index_of(curves.names, name))
 
 
 def _models(inputs: Mapping[str, list[Path]], config: Mapping[str, Any], deformation: str) -> Iterator[_Model]:
@@ -127,7 +121,7 @@ def _affine_fibers(path: Path, name: str) -> AffineFibers:
     """The fibres of the network of that name in a file of networks, all stretched with F."""
     dataset = datasets.read(path, "networks")
     with naming(str(path)):
-        network = unpacked(dataset)[_index_of(dataset["name"].values, name, path)]
+        network = network_named(dataset, name)
     return AffineFibers.of_networks([network], fiber_law(dataset), scale_of(dataset))
 
 
