@@ -10,14 +10,15 @@ from scipy.spatial.transform import Rotation
 
 from fibrous.deformation import Load
 from fibrous.errors import ConfigError, NetworkError
-from fibrous.networks import engine as engine_module
-from fibrous.networks import kernels
-from fibrous.networks.engine import REUSED, SHARP, STUCK, Engine, Room, room
+from fibrous.networks import kernels, relaxation
+from fibrous.networks.elimination import solve
+from fibrous.networks.engine import Engine, Room, room
 from fibrous.networks.fiber_law import BucklingFiber, ExponentialFiber
 from fibrous.networks.guard import LARGEST_MOVE, EquilibriumSolver
 from fibrous.networks.lanes import LANES
 from fibrous.networks.network import Network
 from fibrous.networks.path import follow
+from fibrous.networks.relaxation import REUSED, SHARP, STUCK
 
 LAW = ExponentialFiber(2.5)
 
@@ -61,10 +62,10 @@ def test_forces_and_hessian_are_derivatives_of_the_energy(network, rng):
     F = stretched
     u = np.zeros((n + 1, 3, LANES))
     engine._pull(F, u)
-    assert engine._factorize(engine._forces()[1], 0.0)[0].all()
-    right = room().array("newton", n, 3, 1)
+    assert engine._factorize(engine._forces()[1], 0.0).all()
+    right = room().array("right", n, 3, 1)
     right[:, :, 0] = wanted = rng.normal(size=(n, 3, LANES))
-    engine_module.solve(engine.topology.starts, engine.topology.rows, engine._factor(), right)
+    solve(engine.topology.starts, engine.topology.rows, engine._factor(), right)
     x = np.zeros_like(u)
     x[:n] = right[:, :, 0]
     h = 1e-6 / np.abs(x).max()
@@ -93,24 +94,44 @@ def test_lanes_blend_indefinite_hessians_as_the_guard_does(network):
     assert indefinite > 0
 
 
-def test_a_step_is_shortened_until_the_energy_falls(network, monkeypatch):
+def after(engine, F, steps) -> tuple[np.ndarray, np.ndarray]:
+    """Fluctuation of all lanes after so many accepted steps from none, and where the last factor was made."""
+    hasty, u = replace(engine, largest_number_of_iterations=steps), np.zeros((engine.size + 1, 3, LANES))
+    assert (hasty.relax(F, u).steps == steps).all()
+    return u, room().array("factored", engine.size, 3).copy()
+
+
+def test_a_step_is_shortened_until_the_energy_falls(network):
     """From far away full steps raise the energy; the state that is reached is the one that is reached from near."""
-    refused = []
-    original = engine_module._Relaxation._judge
-
-    def judged(self, *masks):
-        before = self.fraction.copy()
-        original(self, *masks)
-        refused.append((self.fraction < before).sum())
-
-    monkeypatch.setattr(engine_module._Relaxation, "_judge", judged)
-    engine = Engine.of(network, LAW)
+    engine, solver = Engine.of(network, LAW), EquilibriumSolver.of(network, LAW)
     F = lanes([np.diag([0.6, 1.0, 0.9])] * 8)
-    u = np.zeros((engine.size + 1, 3, LANES))
-    relaxed = engine.relax(F, u)
-    assert sum(refused) > 0
+    here, shortened = solver.assembly.evaluate(F[..., 0], np.zeros((engine.size + 1, 3))), 0
+    place = np.empty(len(network.node_position), dtype=np.int64)
+    place[solver.assembly.nodes] = np.arange(engine.size)
+    place = place[engine.nodes]
+    for steps in (1, 2, 3):
+        factor = solver.assembly.factor(here)
+        factor = solver._blended_factor(here) if factor is None else factor
+        whole = -solver.assembly.solve(factor, here.residual).reshape(-1, 3)
+        whole *= min(1.0, LARGEST_MOVE / np.abs(whole).max())
+        u = np.zeros_like(here.displacement)
+        u[place] = after(engine, F, steps)[0][: engine.size, :, 0]
+        step = (u - here.displacement)[: engine.size]
+        fraction = (step * whole).sum() / (whole * whole).sum()
+        halvings = round(-np.log2(fraction))
+        np.testing.assert_allclose(step, 0.5**halvings * whole, atol=1e-8)
+        there = solver.assembly.evaluate(F[..., 0], u)
+        assert solver.assembly.energy(there) < solver.assembly.energy(here)
+        if halvings:
+            u = here.displacement.copy()
+            u[: engine.size] += 2.0 * 0.5**halvings * whole
+            too_far = solver.assembly.evaluate(F[..., 0], u)
+            assert solver.assembly.energy(too_far) > solver.assembly.energy(here)
+            shortened += 1
+        here = there
+    assert shortened > 0
+    relaxed = engine.relax(F, np.zeros((engine.size + 1, 3, LANES)))
     assert relaxed.converged.all()
-    solver = EquilibriumSolver.of(network, LAW)
     start = solver.assembly.evaluate(F[..., 0], np.zeros((engine.size + 1, 3)))
     found = solver._newton(start).state
     assert found.converged
@@ -123,49 +144,45 @@ def test_the_least_share_of_negative_tension_is_left_out(network):
     engine = Engine.of(network, LAW)
     n, assembly = engine.size, engine.guard.assembly
     ends = [np.diag([1.0 - 0.04 * k, 1.0, 0.95]) for k in range(8)]
-    relaxation = engine_module._Relaxation(engine, lanes(ends), np.zeros((n + 1, 3, LANES)), False, 0.0)
-    engine._pull(relaxation.F, relaxation.u)
-    tried = []
+    engine._pull(lanes(ends), np.zeros((n + 1, 3, LANES)))
+    tried, space = [], engine._space()
     for q, F in enumerate(ends):
         point = assembly.evaluate(F, np.zeros((n + 1, 3)))
         if assembly.factor(point) is not None:
             continue
-        move, expected = np.empty((n, 3)), np.empty((len(network.node_position), 3))
-        assert relaxation._blended(q, move)
+        expected = np.empty((len(network.node_position), 3))
+        assert relaxation.blend(engine.topology, space, 0.0, q)
         expected[assembly.nodes] = assembly.solve(engine.guard._blended_factor(point), point.residual).reshape(n, 3)
-        np.testing.assert_allclose(move, expected[engine.nodes], atol=1e-8 * np.abs(expected[engine.nodes]).max())
+        expected = expected[engine.nodes]
+        np.testing.assert_allclose(space.right[:, :, 0, q], expected, atol=1e-8 * np.abs(expected).max())
         tried.append(q)
     assert len(tried) >= 3
 
 
 @pytest.mark.parametrize("stretch", [1.02, 1.1, 1.3])
-def test_a_factor_is_used_again_where_the_last_step_was_sharp_and_nowhere_else(network, monkeypatch, stretch):
+def test_a_factor_is_used_again_where_the_last_step_was_sharp_and_nowhere_else(network, stretch):
     """The same in all lanes: a factor is made for the first step, and where another of its kind will not do."""
-    engine, events = Engine.of(network, LAW), []
-    pull, factorize = Engine._pull, Engine._factorize
-
-    def pulled(self, F, u):
-        norm, bound = pull(self, F, u)
-        events.append([norm[0], 1e-11 * bound[0], False])
-        return norm, bound
-
-    def factorized(self, stiffness, least_pivot):
-        events[-1][2] = True
-        return factorize(self, stiffness, least_pivot)
-
-    monkeypatch.setattr(Engine, "_pull", pulled)
-    monkeypatch.setattr(Engine, "_factorize", factorized)
-    relaxed = engine.relax(lanes([np.diag([stretch, 1.0, 0.97])] * 8), np.zeros((engine.size + 1, 3, LANES)))
+    engine = Engine.of(network, LAW)
+    F = lanes([np.diag([stretch, 1.0, 0.97])] * 8)
+    u = np.zeros((engine.size + 1, 3, LANES))
+    relaxed = engine.relax(F, u)
     assert relaxed.converged.all()
-    assert len(events) == relaxed.steps[0] + 1
-    before, expected = np.inf, []
-    for norm, bound, _ in events:
+    steps = int(relaxed.steps[0])
+    # A way that is stopped after k steps has made its factors at some of the states before the kth.
+    ways = [after(engine, F, k) for k in range(1, steps)] + [(u, room().array("factored", engine.size, 3).copy())]
+    states, made, before = [np.zeros_like(u), *(state for state, _ in ways)], [], np.inf
+    for state in states:
+        norm, bound = (values[0] for values in engine._pull(F, state))
+        bound *= engine.residual_tolerance
         sharp = 0.0 < norm / before <= SHARP
         enough = norm <= bound or norm * (norm / before) ** REUSED <= bound
-        expected.append(not (sharp and enough))
+        made.append(not (sharp and enough))
         before = norm
-    assert [made for _, _, made in events] == expected
-    assert not all(expected)
+    for k, (_, factored) in enumerate(ways, start=1):
+        # The state that is accepted may have a factor, too.
+        last = max(j for j in range(k + (k == steps)) if made[j])
+        np.testing.assert_array_equal(factored, states[last][: engine.size])
+    assert not all(made)
 
 
 def test_predictions_miss_by_a_term_of_fourth_order(tight_engine):
@@ -323,12 +340,13 @@ def test_the_energy_of_a_lane_is_that_of_all_lanes(network, rng):
 
 def test_a_step_goes_against_the_residual_no_farther_than_allowed_in_lanes_that_are_ready(rng):
     residual, u, start, move = (rng.normal(size=(5, 3, LANES)) for _ in range(4))
-    right, slope = 0.02 * rng.normal(size=(5, 3, 1, LANES)), rng.normal(size=(1, LANES))
+    right, slope, farthest = 0.02 * rng.normal(size=(5, 3, 1, LANES)), rng.normal(size=(1, LANES)), np.empty((1, LANES))
     right[..., 4:] *= 1000.0
     ready = np.array([[1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0]])
     before = [array.copy() for array in (u, start, move, slope)]
-    kernels.begin_step(residual, right, ready, 0.3, u, start, move, slope)
+    kernels.begin_step(residual, right, ready, 0.3, u, start, move, slope, farthest)
     whole = -right[:, :, 0]
+    np.testing.assert_array_equal(farthest[0], np.abs(whole).max(axis=(0, 1)))
     expected = np.where(np.arange(LANES) < 4, whole, 0.3 * whole / np.abs(whole).max(axis=(0, 1)))
     slopes = (expected * residual).sum(axis=(0, 1))[None]
     for found, kept, wanted in zip(
@@ -479,7 +497,7 @@ def test_no_state_is_accepted_whose_hessian_is_indefinite():
         state = engine.advance(engine.rest(), F)
         if state.converged[0]:
             engine._pull(F, state.displacement)
-            assert engine._factorize(engine._forces()[1], 0.0)[0][0], stretch
+            assert engine._factorize(engine._forces()[1], 0.0)[0], stretch
             found += 1
     assert found > 60
 

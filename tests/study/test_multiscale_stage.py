@@ -395,7 +395,7 @@ def test_table_2_sums_up_what_the_processes_counted(tmp_path):
         dataset.to_netcdf(tmp_path / name, engine="netcdf4")
         return tmp_path / name
 
-    parts = json.dumps({"assembly": 1000.0, "factorisation": 500.0})
+    parts = json.dumps({"equilibrium": 1000.0, "condensation": 500.0})
     inputs = {
         "networks": [written("n.nc", 7.2)],
         # Half of the loads and one law of two: what is left is beyond the method.

@@ -20,10 +20,11 @@ from fibrous.clock import Clock
 from fibrous.errors import ConvergenceError, FibrousError, naming
 from fibrous.materials.contract import MaterialError, State
 from fibrous.networks import kernels
-from fibrous.networks.engine import CONVERGED, Engine
+from fibrous.networks.engine import Engine
 from fibrous.networks.fiber_law import FiberLaw
 from fibrous.networks.lanes import LANES
 from fibrous.networks.network import Network
+from fibrous.networks.relaxation import CONVERGED
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
@@ -179,12 +180,12 @@ class FiberNetworks:
         with np.errstate(invalid="ignore"):
             inverted = ~(np.linalg.det(np.moveaxis(F, -1, 1)) > 0.0)
         # At the F of the last equilibrium the answer is that of then, to the bit: a run that goes on needs its bend.
-        still = [near is None and np.array_equal(new.gradient[e], before.gradient[e]) for e in range(len(F))]
+        still = (before.gradient == F).all(axis=(1, 2, 3)) & (near is None)
+        goals = np.where(inverted[:, None, None], before.gradient, F)
         guarded: dict[int, Single] = {}
 
         def element(e: int) -> None:
-            engine, u = self.engines[e], new.displacement[e]
-            goal = np.where(inverted[e], before.gradient[e], F[e])
+            engine, u, goal = self.engines[e], new.displacement[e], goals[e]
             kernels.predict(engine.size, goal, start.gradient[e], start.displacement[e], start.rate[e], u)
             if near is None:
                 kernels.add_bend(engine.size, goal, before.gradient[e], before.increment[e], before.bend[e], u)

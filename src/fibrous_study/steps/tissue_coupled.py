@@ -29,8 +29,9 @@ from fibrous_study.solutions import read_specimen, say, tissue_dataset, write_ti
 COUNTS = {"network_iterations": "iterations", "network_cuts": "cuts", "indefinite_hessians": "indefinite"}
 
 
-# Time from one checkpoint to the next, over that of writing one.
-LEAST_WORK = 20.0
+# Time from one checkpoint to the next, over that of writing one. A run that is killed loses at most that, and the load
+# step at hand: about a minute and a half of the study's run, whose checkpoints take a second or two.
+LEAST_WORK = 60.0
 
 
 @dataclass
