@@ -281,7 +281,7 @@ def test_the_last_state_that_was_found_is_drawn(elements):
     lost = elements[0][0].copy(deep=True)
     lost["converged"].loc[{"path": "mean", "step": 2}] = False
     lost["fiber_stretch"].loc[{"path": "mean", "step": 2}] = np.nan
-    assert figure.last_step(lost) == 1
+    assert figure.last_state(lost)["step"] == 1
     lost["converged"].loc[{"path": "4", "step": 1}] = False
     table = figure.distributions({0: [lost]})
     assert set(table["path"]) == {*"0123567", "mean"}

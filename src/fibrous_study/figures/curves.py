@@ -20,18 +20,9 @@ from fibrous_study.figures import style
 from fibrous_study.loading import index_of
 
 FIT_COLUMNS = (
-    "name",
-    "load_set",
-    "deformation",
-    "energy",
-    "objective",
-    "lambda_f_max",
-    "C2_MPa",
-    "C3",
-    "C2_half_width_MPa",
-    "C3_half_width",
-    "r_squared",
-)
+    "name", "load_set", "deformation", "energy", "objective", "lambda_f_max", "C2_MPa", "C3", "C2_half_width_MPa",
+    "C3_half_width", "r_squared",
+)  # fmt: skip
 # A load whose energy ends above this many times that of the default load set's leaves the panel.
 SHOWN_RATIO = 2.0
 FIT_POINTS = 201
@@ -119,11 +110,7 @@ def draw_load(axes: Axes, states: pd.DataFrame, column: str, number: int, scale:
 
 
 def draw_energies(
-    axes: Axes,
-    states: pd.DataFrame,
-    curves: pd.DataFrame,
-    default_loads: Collection[str],
-    numbers: Mapping[str, int],
+    axes: Axes, states: pd.DataFrame, curves: pd.DataFrame, default_loads: Collection[str], numbers: Mapping[str, int]
 ) -> dict[str, str]:
     """Draw W against λ_f, states of one network and rows of energy_table that are fitted curves.
 

@@ -12,16 +12,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from fibrous_study.datasets import read, write_table
-from fibrous_study.figures import style
-from fibrous_study.figures.curves import (
-    curve_table,
-    draw_load,
-    energy_table,
-    fit_label,
-    load_handles,
-    load_numbers,
-    pooled_fits,
-)  # fmt: skip
+from fibrous_study.figures import curves, style
 from fibrous_study.figures.figure_3 import last_state
 from fibrous_study.figures.projection import CUBE_VIEW, draw_network, draw_state, fibers_of
 from fibrous_study.loading import network_named
@@ -56,21 +47,21 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     """
     config = params["config"]
     name, load_set = config["network"], config["load_set"]
-    curves = curve_table(inputs["curves"][0], name)
-    curves = curves[curves["deformation"].isin(load_set["loads"])].assign(name=name)
-    fits = pooled_fits(inputs["fits"][0])
+    points = curves.curve_table(inputs["curves"][0], name)
+    points = points[points["deformation"].isin(load_set["loads"])].assign(name=name)
+    fits = curves.pooled_fits(inputs["fits"][0])
     fits = fits[(fits["name"] == name) & (fits["load_set"] == load_set["name"])]
-    table = energy_table(curves, fits, "name")
+    table = curves.energy_table(points, fits, "name")
     write_table(table, outputs["data"], params)
     networks, states = read(inputs["networks"][0], "networks"), read(inputs["states"][0], "states")
-    style.save(draw(networks, states, curves, fits, table, config["jobs"]), outputs, params)
+    style.save(draw(networks, states, points, fits, table, config["jobs"]), outputs, params)
 
 
 @matplotlib.rc_context(style.SHEET)
 def draw(
     networks: xr.Dataset,
     states: xr.Dataset,
-    curves: pd.DataFrame,
+    points: pd.DataFrame,
     fits: pd.DataFrame,
     table: pd.DataFrame,
     jobs: Mapping[str, int],
@@ -78,19 +69,19 @@ def draw(
     """Four panels from left to right; `jobs` is the number of jobs of each stage."""
     figure = style.new_figure(style.FULL_WIDTH_MM, 74.0)
     panels = [figure.add_axes(box) for box, *_ in PANELS]
-    fit, load = fits.to_dict("records")[0], str(curves["deformation"].iloc[0])
+    fit, load = fits.to_dict("records")[0], str(points["deformation"].iloc[0])
     draw_network(panels[0], CUBE_VIEW, fibers_of(network_named(networks, fit["name"])), 0.25, width=0.3, fade=0.6)
     state = last_state(states, load)
     limit = style.stretch_limit(state["fiber_stretch"].values)
     draw_state(panels[1], CUBE_VIEW, state, limit, width=0.3, edge_bar=False)
-    numbers = load_numbers(curves)
+    numbers = curves.load_numbers(points)
     for axes in panels[2:]:
         for deformation, number in numbers.items():
-            draw_load(axes, curves[curves["deformation"] == deformation], "strain_energy_density_MPa", number)
+            curves.draw_load(axes, points[points["deformation"] == deformation], "strain_energy_density_MPa", number)
         axes.set(xlabel="averaged stretch $\\lambda_f$ (1)", ylabel="energy density $W$ (MPa)")
     fitted = table[table["kind"] == "fit"]
     panels[3].plot(fitted["averaged_stretch"], fitted["strain_energy_density_MPa"], **style.fit_style(0), zorder=5)
-    panels[3].text(0.05, 1.0, fit_label(fit, "\n"), transform=panels[3].transAxes, va="top", fontsize=6.0)
+    panels[3].text(0.05, 1.0, curves.fit_label(fit, "\n"), transform=panels[3].transAxes, va="top", fontsize=6.0)
     panels[3].set_ylim(panels[2].get_ylim())
     for letter, (_, left, stage, title, equations) in zip("abcd", PANELS, strict=True):
         figure.text(left, 0.94, letter, fontsize=8.0, fontweight="bold", va="center")
@@ -100,5 +91,7 @@ def draw(
     figure.text(PANELS[1][1] + 0.09, 0.31, style.load_label(load), ha="center", fontsize=6.5)
     for _, left, *_ in PANELS[1:]:
         style.arrow_between_panels(figure, left - 0.02, 0.61, 0.02, width=1.2, head=9.0)
-    figure.legend(handles=load_handles(curves), loc="lower right", ncols=len(numbers), bbox_to_anchor=(0.995, -0.005))
+    figure.legend(
+        handles=curves.load_handles(points), loc="lower right", ncols=len(numbers), bbox_to_anchor=(0.995, -0.005)
+    )
     return figure

@@ -16,8 +16,7 @@ from matplotlib.gridspec import GridSpecFromSubplotSpec, SubplotSpec
 
 from fibrous.deformation import Load
 from fibrous_study.datasets import read, write_table
-from fibrous_study.figures import style
-from fibrous_study.figures.curves import curve_table, draw_load, load_handles, load_numbers, stacked
+from fibrous_study.figures import curves, style
 from fibrous_study.figures.projection import CUBE_VIEW, draw_axes_cross, draw_state
 
 # How the magnitude of a load is written, by its kind; that of a load with its own F is the part of its path.
@@ -38,7 +37,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     network, protocols = params["config"]["network"], params["config"]["protocols"]
     states = [read(path, "states") for path in inputs["states"]]
     paths = zip(protocols, inputs["curves"], strict=True)
-    table = stacked({protocol: curve_table(path, network) for protocol, path in paths}, "protocol")
+    table = curves.stacked({protocol: curves.curve_table(path, network) for protocol, path in paths}, "protocol")
     write_table(table.drop(columns=["strain_energy_density_MPa", "largest_principal_stretch"]), outputs["data"], params)
     style.save(draw(states, table), outputs, params)
 
@@ -55,10 +54,10 @@ def draw(states: list[xr.Dataset], table: pd.DataFrame) -> Figure:
     for row, (upper, lower) in enumerate(zip("ab", "cd", strict=True)):
         _draw_networks(figure, rows[row], states[row], parts[row], upper)
         axes = figure.add_subplot(below[row + 1])
-        _draw_eigenvalues(axes, parts[row], load_numbers(table))
+        _draw_eigenvalues(axes, parts[row], curves.load_numbers(table))
         axes.set_title(f"end states: row {upper}", loc="right", color=style.FAINT)
         style.panel_letter(axes, lower)
-    axes.legend(handles=load_handles(table), loc="upper left", bbox_to_anchor=(1.04, 1.0), handlelength=1.4)
+    axes.legend(handles=curves.load_handles(table), loc="upper left", bbox_to_anchor=(1.04, 1.0), handlelength=1.4)
     note = "Bars: edge of the undeformed cube. Farther fibres are drawn paler."
     note += f" Colour scales hold {style.COLORED_SHARE:.0%} of the fibres of their row."
     figure.text(0.012, 0.006, note, fontsize=6.0)
@@ -93,5 +92,5 @@ def _draw_networks(figure: Figure, spec: SubplotSpec, states: xr.Dataset, table:
 
 def _draw_eigenvalues(axes: Axes, table: pd.DataFrame, numbers: Mapping[str, int]) -> None:
     for load in table["deformation"].unique():
-        draw_load(axes, table[table["deformation"] == load], "largest_orientation_eigenvalue", numbers[load])
+        curves.draw_load(axes, table[table["deformation"] == load], "largest_orientation_eigenvalue", numbers[load])
     axes.set(xlabel="averaged fibre stretch $\\lambda_f$ (1)", ylabel="largest eigenvalue of $h$ (1)")

@@ -19,26 +19,12 @@ from matplotlib.ticker import MaxNLocator
 from fibrous.fitting.surface import Region, evaluate
 from fibrous.networks.network import structure_tensor
 from fibrous_study.datasets import read, write_table
-from fibrous_study.figures import style
-from fibrous_study.figures.curves import (
-    amplitude,
-    curve_table,
-    draw_energies,
-    energy_table,
-    fit_label,
-    load_handles,
-    load_numbers,
-    pooled_fits,
-    stacked,
-)  # fmt: skip
+from fibrous_study.figures import curves, style
 from fibrous_study.figures.projection import XY_VIEW, XZ_VIEW, draw_axes_cross, draw_network, fibers_of
 from fibrous_study.loading import network_named
 
 # constant of the surface: column of the fits, column of its half-width, label
-CONSTANTS = {
-    "C2": ("C2_MPa", "C2_half_width_MPa", "$C_2$ (MPa)"),
-    "C3": ("C3", "C3_half_width", "$C_3$ (1)"),
-}
+CONSTANTS = {"C2": ("C2_MPa", "C2_half_width_MPa", "$C_2$ (MPa)"), "C3": ("C3", "C3_half_width", "$C_3$ (1)")}
 # Percentiles of the networks' constants between which the colours run; a few networks lie far outside.
 COLORED_PERCENTILES = (2.0, 98.0)
 SURFACE_POINTS = 61
@@ -53,29 +39,26 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     """
     config = params["config"]
     names, load_set = config["networks"], config["load_sets"][0]
-    (named_path, ensemble_path), (curves_path,) = inputs["fits"], inputs["curves"]
     networks, surface = read(inputs["networks"][0], "networks"), read(inputs["surface"][0], "surface")
     surface = surface.sel(protocol=config["protocol"], load_set=load_set["name"])
 
-    states = stacked({name: curve_table(curves_path, name) for name in names}, "name")
+    states = curves.stacked({name: curves.curve_table(inputs["curves"][0], name) for name in names}, "name")
     states = states[states["deformation"].isin(load_set["loads"])]
-    named, ensemble = (
-        fits[fits["load_set"] == load_set["name"]] for fits in map(pooled_fits, (named_path, ensemble_path))
-    )
+    named, ensemble = (fits[fits["load_set"] == load_set["name"]] for fits in map(curves.pooled_fits, inputs["fits"]))
     fits = named.set_index("name").loc[names].reset_index()
-    curves = energy_table(states, fits, "name")
+    energies = curves.energy_table(states, fits, "name")
     constants = ensemble.dropna(subset=["C2_MPa", "C3"])
     fitted = surface_table(surface)
 
     about = {"protocol": config["protocol"], "load_set": load_set["name"]}
-    ranges = dict(
-        zip(("lambda_f_max_least", "lambda_f_max_largest"), surface["lambda_f_max_range"].values, strict=True)
-    )
-    write_table(curves, outputs["curves"], params)
+    least, largest = surface["lambda_f_max_range"].values
+    write_table(energies, outputs["curves"], params)
     columns = ["network", "H11", "H22", "lambda_f_max", "C2_MPa", "C3"]
     write_table(constants[columns].assign(**about), outputs["constants"], params)
-    write_table(fitted.assign(**about, **ranges), outputs["surface"], params)
-    style.save(draw(networks, states, fits, curves, constants, fitted, surface), outputs, params)
+    write_table(
+        fitted.assign(**about, lambda_f_max_least=least, lambda_f_max_largest=largest), outputs["surface"], params
+    )
+    style.save(draw(networks, states, fits, energies, constants, fitted, surface), outputs, params)
 
 
 def surface_table(surface: xr.Dataset) -> pd.DataFrame:
@@ -96,7 +79,7 @@ def draw(
     networks: xr.Dataset,
     states: pd.DataFrame,
     fits: pd.DataFrame,
-    curves: pd.DataFrame,
+    energies: pd.DataFrame,
     constants: pd.DataFrame,
     fitted: pd.DataFrame,
     surface: xr.Dataset,
@@ -118,15 +101,15 @@ def draw(
                 axes.set_title(f"network {column + 1}\n$H$ = ({alignment})", pad=2.0)
         axes = figure.add_subplot(grid[2, column])
         own = states[states["name"] == fit["name"]]
-        drawn = curves[(curves["name"] == fit["name"]) & (curves["kind"] == "fit")]
-        draw_energies(axes, own, drawn, own["deformation"].unique(), load_numbers(states))
-        axes.text(0.04, 1.0, fit_label(fit, "\n"), transform=axes.transAxes, va="top", fontsize=6.0)
+        drawn = energies[(energies["name"] == fit["name"]) & (energies["kind"] == "fit")]
+        curves.draw_energies(axes, own, drawn, own["deformation"].unique(), curves.load_numbers(states))
+        axes.text(0.04, 1.0, curves.fit_label(fit, "\n"), transform=axes.transAxes, va="top", fontsize=6.0)
         axes.set(xlabel="$\\lambda_f$ (1)", ylabel=axes.get_ylabel().removeprefix("strain energy density "))
         style.panel_letter(axes, f"c{column + 1}")
-    handles = [*load_handles(states), Line2D([], [], **style.fit_style(0), label="fit of Eq. 2")]
+    handles = [*curves.load_handles(states), Line2D([], [], **style.fit_style(0), label="fit of Eq. 2")]
     figure.legend(handles=handles, loc="upper center", ncols=8, bbox_to_anchor=(0.5, 0.384))
     notes = _draw_contours(figure, fits, constants, fitted, surface)
-    range_note = f"Fits and surface: load set {surface['load_set'].item()}, {amplitude(states)}."
+    range_note = f"Fits and surface: load set {surface['load_set'].item()}, {curves.amplitude(states)}."
     figure.text(0.035, 0.004, f"{range_note}\n{notes}", fontsize=6.0)
     return figure
 

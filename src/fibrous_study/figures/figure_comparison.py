@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ ERRORS = {
 LAW = ("run", "model", "law", "constants", "energy", "objective", "refits")
 NETWORK, MATRIX = "network", "matrix"
 PERCENT = 100.0
+REFIT_LINE = (0, (4, 1.5))
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
@@ -73,18 +75,22 @@ def draw(ends: pd.DataFrame, steps: pd.DataFrame) -> Figure:
     growth_axes[0].set_ylabel("error (%)")
     for axis in (ends_axes[0].xaxis, growth_axes[0].yaxis):
         style.plain_ticks(axis, (1.0, 3.0))
-    figure.legend(handles=_handles(), loc="lower left", bbox_to_anchor=(0.005, 0.2), handlelength=2.6)
+    looks_of_kinds = {"initial, or no fit": {**_fill(0), "ls": "-"}, "refit": {**_fill(1), "ls": REFIT_LINE}}
+    handles = [
+        Line2D([], [], color=style.INK, marker="o", ms=3.0, label=kind, **look) for kind, look in looks_of_kinds.items()
+    ]
+    figure.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.005, 0.2), handlelength=2.6)
     figure.text(0.012, 0.012, _note(ends), fontsize=6.0)
     return figure
 
 
 def _looks(models: pd.DataFrame) -> dict[str, dict[str, Any]]:
     """Colour and marker of each model; the matrix, which has no fibres, is grey."""
-    with_fibers = list(models.loc[models["law"] != MATRIX, "model"])
-    looks: dict[str, dict[str, Any]] = {name: {"color": style.FAINT, "marker": "x"} for name in models["model"]}
-    for number, name in enumerate(with_fibers):
-        looks[name] = style.law_marker(number)
-    return looks
+    numbers = count()
+    return {
+        model: {"color": style.FAINT, "marker": "x"} if law == MATRIX else style.law_marker(next(numbers))
+        for model, law in zip(models["model"], models["law"], strict=True)
+    }
 
 
 def _draw_ends(axes: Axes, table: pd.DataFrame, looks: Mapping[str, dict[str, Any]]) -> None:
@@ -101,7 +107,7 @@ def _draw_ends(axes: Axes, table: pd.DataFrame, looks: Mapping[str, dict[str, An
 def _draw_growth(axes: Axes, table: pd.DataFrame, looks: Mapping[str, dict[str, Any]]) -> None:
     for _, own in table.groupby("run", sort=False):
         own, first = own.sort_values("step"), own.iloc[0]
-        line = "-" if first["refits"] == 0 else (0, (4, 1.5))
+        line = "-" if first["refits"] == 0 else REFIT_LINE
         every = max(1, len(own) // 5)
         look = {**looks[first["model"]], **_fill(first["refits"])}
         axes.plot(own["step"], PERCENT * own["relative_error"], **look, ls=line, ms=2.6, markevery=every)
@@ -111,13 +117,6 @@ def _draw_growth(axes: Axes, table: pd.DataFrame, looks: Mapping[str, dict[str, 
 def _fill(refits: int) -> dict[str, Any]:
     """Markers of initial constants are open, so that a refit which changes nothing shows through."""
     return {"mfc": "none", "mew": 0.8} if refits == 0 else {"mew": 0.8}
-
-
-def _handles() -> list[Line2D]:
-    return [
-        Line2D([], [], color=style.INK, marker="o", ls="-", ms=3.0, **_fill(0), label="initial, or no fit"),
-        Line2D([], [], color=style.INK, marker="o", ls=(0, (4, 1.5)), ms=3.0, **_fill(1), label="refit"),
-    ]
 
 
 def _note(ends: pd.DataFrame) -> str:

@@ -102,12 +102,9 @@ def _handles(trials: pd.DataFrame, load_sets: list[dict[str, Any]]) -> list[Line
         for number, name in enumerate(dict.fromkeys(trials["network"]))
     ]
     lines = [
-        Line2D(
-            [], [], color=style.INK, marker="o", ms=2.8, mew=0.7, **_load_set_look(number),
-            label=style.load_set_label(load_sets, number),
-        )
-        for number in range(len(load_sets))
-    ]  # fmt: skip
+        Line2D([], [], color=style.INK, marker="o", ms=2.8, mew=0.7, label=label, **_load_set_look(number))
+        for number, label in enumerate(style.load_set_label(load_sets, number) for number in range(len(load_sets)))
+    ]
     return networks + lines
 
 

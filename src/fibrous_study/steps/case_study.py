@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 
 from fibrous.curves import Curves
 from fibrous.errors import DatasetError, naming
@@ -31,13 +31,8 @@ FIT_COLUMNS = (
 NOTHING = {"constants": "", "law": "", "energy": "", "objective": "", "C2_MPa": np.nan, "C3": np.nan}
 
 
-@dataclass(frozen=True)
-class _Model:
-    """A law with its constants, and what the tables say of it."""
-
-    about: dict[str, Any]
-    material: Material
-    r_squared: float
+# A law with its constants, what the tables say of it, and the R² of its fit.
+Model = tuple[Material, dict[str, Any], float]
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
@@ -60,13 +55,24 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
         raise DatasetError(
             f"{inputs['curves'][0]}: {config['network']} found no equilibrium beyond rest; load it in more steps"
         )
-    about = {"model": NETWORK, **NOTHING}
-    states = [_states(about, path, path.strain_energy_density[0, 0], network)[used]]
+    states = [_states({"model": NETWORK, **NOTHING}, path, path.strain_energy_density[0, 0], network)[used]]
     errors: list[dict[str, Any]] = []
-    for model in _models(inputs, config, path.loads[0]):
-        response = along_path(model.material, gradients)
-        states.append(_states(model.about, path, response.strain_energy_density, response.cauchy_stress))
-        errors += _errors(model, response.cauchy_stress[compared], network[compared])
+    for material, about, r_squared in _models(inputs, config, path.loads[0]):
+        response = along_path(material, gradients)
+        states.append(_states(about, path, response.strain_energy_density, response.cauchy_stress))
+        of_law = {name: about[name] for name in ("model", "constants", "law", "energy", "objective")}
+        for component, error in stress_errors(response.cauchy_stress[compared], network[compared]).items():
+            row = {
+                "component": component,
+                "points_used": int(compared.sum()),
+                "rms_error_MPa": error.rms_error,
+                "rms_network_MPa": error.rms_reference,
+                "relative_rms_error": error.relative_rms_error,
+                "largest_error_MPa": error.largest_error,
+                "end_error_MPa": error.end_error,
+                "r_squared": r_squared,
+            }
+            errors.append({**of_law, **row})
     datasets.write_table(pd.concat(states, ignore_index=True), outputs["stresses"], params)
     datasets.write_table(pd.DataFrame(errors), outputs["errors"], params)
 
@@ -80,49 +86,44 @@ def _path_of(path: Path, name: str) -> Curves:
         return curves.network(index_of(curves.names, name))
 
 
-def _models(inputs: Mapping[str, list[Path]], config: Mapping[str, Any], deformation: str) -> Iterator[_Model]:
+def _models(inputs: Mapping[str, list[Path]], config: Mapping[str, Any], deformation: str) -> Iterator[Model]:
     """The laws of the config, in its order; one that is fitted again comes twice."""
     groups = {INITIAL: (config["load_set"], ALL), REFIT: (SINGLE, deformation)}
     fits = dict(zip(groups, inputs["fits"], strict=True))
     for entry in config["models"]:
+        about = {"model": entry["name"], **NOTHING, "law": entry["law"]}
         if entry["law"] == "affine":
-            about = {"model": entry["name"], **NOTHING, "law": entry["law"]}
-            yield _Model(about, _affine_fibers(inputs["networks"][0], config["network"]), np.nan)
+            with naming(str(inputs["networks"][0])):
+                yield _affine_fibers(datasets.read(inputs["networks"][0], "networks"), config["network"]), about, np.nan
         elif entry.get("constants") == "fit":
             for constants in (INITIAL, REFIT) if entry.get("refit") else (INITIAL,):
                 with naming(f"{fits[constants]}: model '{entry['name']}'"):
-                    row = _row(datasets.read_table(fits[constants], FIT_COLUMNS), config, entry, groups[constants])
-                    yield _fitted(row, entry, constants, config["tension_only"])
+                    table = datasets.read_table(fits[constants], FIT_COLUMNS)
+                    row = _row(table, config["network"], entry, *groups[constants])
+                    (fit,) = row.to_dict("records")
+                    of_fit = {name: fit[name] for name in ("objective", "C2_MPa", "C3")}
+                    material = law_called(entry["law"]).of_structure_tensor(
+                        structure_tensors(row)[0], fit["C2_MPa"], fit["C3"], config["tension_only"]
+                    )
+                    of_model = {"constants": constants, "energy": entry["energy"]}
+                    yield material, {**about, **of_model, **of_fit}, fit["r_squared"]
 
 
-def _row(
-    fits: pd.DataFrame, config: Mapping[str, Any], entry: Mapping[str, Any], group: tuple[str, str]
-) -> pd.DataFrame:
+def _row(table: pd.DataFrame, network: str, entry: Mapping[str, Any], load_set: str, deformation: str) -> pd.DataFrame:
     """The one row with the constants of a model."""
-    found = fits_of(fits, entry["energy"], entry["objective"], *group)
-    found = found[found["name"] == config["network"]]
-    if len(found) != 1:
+    fits = fits_of(table, entry["energy"], entry["objective"], load_set, deformation)
+    fits = fits[fits["name"] == network]
+    if len(fits) != 1:
         raise DatasetError(
-            f"{len(found)} fits of '{config['network']}' to {group[0]}, {group[1]}, with the energy {entry['energy']} "
-            f"and the objective {entry['objective']}, where one is needed; delete the table and run again"
+            f"{len(fits)} fits of '{network}' to {load_set}, {deformation}, with the energy {entry['energy']} and the "
+            f"objective {entry['objective']}, where one is needed; delete the table and run again"
         )
-    return found
+    return fits
 
 
-def _fitted(row: pd.DataFrame, entry: Mapping[str, Any], constants: str, tension_only: bool) -> _Model:
-    fit = row.to_dict("records")[0]
-    C2, C3 = fit["C2_MPa"], fit["C3"]
-    material = law_called(entry["law"]).of_structure_tensor(structure_tensors(row)[0], C2, C3, tension_only)
-    about = {"model": entry["name"], "constants": constants, "law": entry["law"], "energy": entry["energy"]}
-    return _Model({**about, "objective": fit["objective"], "C2_MPa": C2, "C3": C3}, material, fit["r_squared"])
-
-
-def _affine_fibers(path: Path, name: str) -> AffineFibers:
-    """The fibres of the network of that name in a file of networks, all stretched with F."""
-    dataset = datasets.read(path, "networks")
-    with naming(str(path)):
-        network = network_named(dataset, name)
-    return AffineFibers.of_networks([network], fiber_law(dataset), scale_of(dataset))
+def _affine_fibers(networks: xr.Dataset, name: str) -> AffineFibers:
+    """The fibres of the network of that name, all stretched with F."""
+    return AffineFibers.of_networks([network_named(networks, name)], fiber_law(networks), scale_of(networks))
 
 
 def _states(about: Mapping[str, Any], path: Curves, energy: np.ndarray, stress: np.ndarray) -> pd.DataFrame:
@@ -135,20 +136,3 @@ def _states(about: Mapping[str, Any], path: Curves, energy: np.ndarray, stress: 
         **{f"sigma_{name}_MPa": stress[:, i, j] for name, (i, j) in COMPONENTS.items()},
     }
     return pd.DataFrame({**about, **states})
-
-
-def _errors(model: _Model, stress: np.ndarray, network: np.ndarray) -> Iterator[dict[str, Any]]:
-    """Rows of the table of errors, one a component."""
-    about = {key: model.about[key] for key in ("model", "constants", "law", "energy", "objective")}
-    for component, error in stress_errors(stress, network).items():
-        yield {
-            **about,
-            "component": component,
-            "points_used": len(network),
-            "rms_error_MPa": error.rms_error,
-            "rms_network_MPa": error.rms_reference,
-            "relative_rms_error": error.relative_rms_error,
-            "largest_error_MPa": error.largest_error,
-            "end_error_MPa": error.end_error,
-            "r_squared": model.r_squared,
-        }
