@@ -79,12 +79,12 @@ def _draw_networks(figure: Figure, spec: SubplotSpec, states: xr.Dataset, table:
         draw_state(axes, CUBE_VIEW, state, largest)
         if letter == "a" and column == 0:
             draw_axes_cross(axes, CUBE_VIEW, 0.3)
-        own, step = table[table["deformation"] == load].set_index("step"), int(state["step"])
-        magnitude = MAGNITUDES[Load.kind_of(load)].format(own.loc[step, "magnitude"])
+        of_load, step = table[table["deformation"] == load].set_index("step"), int(state["step"])
+        magnitude = MAGNITUDES[Load.kind_of(load)].format(of_load.loc[step, "magnitude"])
         axes.set_title(f"{style.load_label(load)}\n{magnitude}", pad=1.0)
         style.panel_letter(axes, f"{letter}{column + 1}", dx_mm=4.0)
-        if step != own.index.max() or own.loc[step, "amplitude_limited"]:
-            note = "amplitude limit" if step == own.index.max() else "no equilibrium beyond"
+        if step != of_load.index.max() or of_load.loc[step, "amplitude_limited"]:
+            note = "amplitude limit" if step == of_load.index.max() else "no equilibrium beyond"
             axes.text(0.5, 0.0, note, transform=axes.transAxes, ha="center", va="top", fontsize=6.0)
     box = spec.get_position(figure)
     style.stretch_bar(figure, (0.92, box.y0 + 0.08 * box.height, 0.011, 0.75 * box.height), largest)

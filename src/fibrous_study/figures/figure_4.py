@@ -112,16 +112,16 @@ def draw(
 
 def draw_stages(axes: Axes, stages: Sequence[Mapping[str, Any]]) -> None:
     """The flow chart: a box a stage with its number of jobs and the figures drawn of it, arrows for reading."""
-    reads = {stage["stage"]: [one for one in stage["reads"] if one != stage["stage"]] for stage in stages}
-    found = chart(reads)
-    heights = [height for _, height in found.position.values()]
-    bends = [height for path in found.paths.values() for _, height in path]
-    layers = max(layer for layer, _ in found.position.values())
-    for path in found.paths.values():
+    reads = {stage["stage"]: [name for name in stage["reads"] if name != stage["stage"]] for stage in stages}
+    flow = chart(reads)
+    heights = [height for _, height in flow.position.values()]
+    bends = [height for path in flow.paths.values() for _, height in path]
+    layers = max(layer for layer, _ in flow.position.values())
+    for path in flow.paths.values():
         _draw_path(axes, path)
-    _draw_back(axes, found)
+    _draw_back(axes, flow)
     for stage in stages:
-        _draw_box(axes, found.position[stage["stage"]], stage)
+        _draw_box(axes, flow.position[stage["stage"]], stage)
     bottom, top = max(max(heights) + 0.55, max(bends) + 0.1), min(min(heights) - 0.95, min(bends) - 0.1)
     axes.set(xlim=(-0.5, layers + 0.5), ylim=(bottom, top))
     axes.set_axis_off()
@@ -161,11 +161,11 @@ def _draw_path(axes: Axes, points: Sequence[tuple[float, float]]) -> None:
     _draw_head(axes, vertices[-1], (1.0, 0.0), style.FAINT)
 
 
-def _draw_back(axes: Axes, found: Chart) -> None:
+def _draw_back(axes: Axes, flow: Chart) -> None:
     """Edges that close a loop leave to the right, run above all boxes, and are broken and in a colour."""
-    top = min(height for _, height in found.position.values()) - 0.75
-    for one, other in found.back:
-        (x, y), (end, height) = found.position[one], found.position[other]
+    top = min(height for _, height in flow.position.values()) - 0.75
+    for writer, reader in flow.back:
+        (x, y), (end, height) = flow.position[writer], flow.position[reader]
         leaving, tip = y - 0.5 * HALF_HEIGHT, (end, height - HALF_HEIGHT - 0.05)
         vertices = [(x + HALF_WIDTH, leaving), (x + 0.5, leaving), (x + 0.5, top), (end, top), tip]
         codes = [Outline.MOVETO] + [Outline.LINETO] * (len(vertices) - 1)

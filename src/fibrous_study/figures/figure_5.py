@@ -39,16 +39,16 @@ def draw(states: pd.DataFrame, fits: pd.DataFrame, table: pd.DataFrame, load_set
     grid = figure.add_gridspec(1, 2, left=0.065, right=0.985, top=0.865, bottom=0.11, wspace=0.17)
     for column, protocol in enumerate(states["protocol"].unique()):
         axes = figure.add_subplot(grid[column])
-        own = states[states["protocol"] == protocol]
+        in_protocol = states[states["protocol"] == protocol]
         fitted = table[(table["protocol"] == protocol) & (table["kind"] == "fit")]
-        beyond = curves.draw_energies(axes, own, fitted, load_sets[0]["loads"], curves.load_numbers(states))
+        beyond = curves.draw_energies(axes, in_protocol, fitted, load_sets[0]["loads"], curves.load_numbers(states))
         handles = []
         for fit in fits[fits["protocol"] == protocol].to_dict("records"):
             number = [load_set["name"] for load_set in load_sets].index(fit["load_set"])
             label = f"Eq. 2 to {style.load_set_label(load_sets, number)}\n{curves.fit_label(fit, ', ')}"
             handles.append(Line2D([], [], **style.fit_style(number), label=label))
         handles += [Line2D([], [], ls="none", label=f"{load} leaves the panel,\n{end}") for load, end in beyond.items()]
-        title = f"{curves.amplitude(own)},\n$\\lambda_f$ ≤ {own['averaged_stretch'].max():.3f}"
+        title = f"{curves.amplitude(in_protocol)},\n$\\lambda_f$ ≤ {in_protocol['averaged_stretch'].max():.3f}"
         axes.legend(handles=handles, loc="upper left", title=title, alignment="left")
         style.panel_letter(axes, "abcdefgh"[column])
     figure.legend(handles=curves.load_handles(states), loc="upper center", ncols=6, fontsize=6.5)

@@ -100,9 +100,9 @@ def draw(
                 alignment = ", ".join(f"{component:.2f}" for component in np.diag(tensor))
                 axes.set_title(f"network {column + 1}\n$H$ = ({alignment})", pad=2.0)
         axes = figure.add_subplot(grid[2, column])
-        own = states[states["name"] == fit["name"]]
+        of_network = states[states["name"] == fit["name"]]
         drawn = energies[(energies["name"] == fit["name"]) & (energies["kind"] == "fit")]
-        curves.draw_energies(axes, own, drawn, own["deformation"].unique(), curves.load_numbers(states))
+        curves.draw_energies(axes, of_network, drawn, of_network["deformation"].unique(), curves.load_numbers(states))
         axes.text(0.04, 1.0, curves.fit_label(fit, "\n"), transform=axes.transAxes, va="top", fontsize=6.0)
         axes.set(xlabel="$\\lambda_f$ (1)", ylabel=axes.get_ylabel().removeprefix("strain energy density "))
         style.panel_letter(axes, f"c{column + 1}")

@@ -42,10 +42,10 @@ def points(stresses: pd.DataFrame) -> pd.DataFrame:
     """What the panels draw, one row a point; in both are the network and what has no constants to fit again."""
     tables = []
     for panel, (constants, _) in PANELS.items():
-        own = stresses[stresses["constants"].isin(["", constants])]
+        kept = stresses[stresses["constants"].isin(["", constants])]
         for component in (*NORMAL, largest_shear(stresses)):
-            stress = own[f"sigma_{component}_MPa"]
-            tables.append(own[list(ABOUT)].assign(stress_MPa=stress, panel=panel, component=component))
+            stress = kept[f"sigma_{component}_MPa"]
+            tables.append(kept[list(ABOUT)].assign(stress_MPa=stress, panel=panel, component=component))
     table = pd.concat(tables, ignore_index=True)
     return table[["panel", "component", *ABOUT, "stress_MPa"]]
 
@@ -63,8 +63,8 @@ def draw(stresses: pd.DataFrame) -> Figure:
     panels = grid.subplots(sharey="row", squeeze=False)
     for row, component in enumerate(components):
         for axes, (letter, (_, title)) in zip(panels[row], PANELS.items(), strict=True):
-            own = table[(table["panel"] == letter) & (table["component"] == component)]
-            for model, states in own.groupby("model", sort=False):
+            shown = table[(table["panel"] == letter) & (table["component"] == component)]
+            for model, states in shown.groupby("model", sort=False):
                 order = 2 if model == NETWORK else 3
                 axes.plot(states["magnitude"], KPA * states["stress_MPa"], **looks[model], zorder=order)
             axes.margins(x=0.03)

@@ -38,11 +38,11 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     ends = read_table(inputs["comparison"][0], (*LAW, "specimen", *ERRORS))
     ends[list(LAW)] = ends[list(LAW)].fillna("")
     steps = read_table(inputs["steps"][0], ("run", "step", *ERRORS))
-    write_table(drawn(ends, steps), outputs["data"], params)
+    write_table(points(ends, steps), outputs["data"], params)
     style.save(draw(ends, steps), outputs, params)
 
 
-def drawn(ends: pd.DataFrame, steps: pd.DataFrame) -> pd.DataFrame:
+def points(ends: pd.DataFrame, steps: pd.DataFrame) -> pd.DataFrame:
     """What the panels draw, one row a point: the errors of each law at each step, without runs of the networks."""
     table = ends.loc[ends["law"] != NETWORK, list(LAW)].merge(steps, on="run", sort=False)
     return table.melt([*LAW, "step"], list(ERRORS), "quantity", "relative_error")
@@ -51,7 +51,7 @@ def drawn(ends: pd.DataFrame, steps: pd.DataFrame) -> pd.DataFrame:
 @matplotlib.rc_context(style.SHEET)
 def draw(ends: pd.DataFrame, steps: pd.DataFrame) -> Figure:
     """Upper panels: errors at the last step, one row a model; lower panels: errors over the steps."""
-    table = drawn(ends, steps)
+    table = points(ends, steps)
     models = table.drop_duplicates("model")
     looks = _looks(models)
     figure = style.new_figure(style.FULL_WIDTH_MM, 100.0)
@@ -61,13 +61,13 @@ def draw(ends: pd.DataFrame, steps: pd.DataFrame) -> Figure:
     )
     ends_axes, growth_axes = (cells.subplots(sharex=True, sharey=True, squeeze=False)[0] for cells in (upper, lower))
     for column, (quantity, title) in enumerate(ERRORS.items()):
-        own = table[table["quantity"] == quantity]
+        errors = table[table["quantity"] == quantity]
         above, below = ends_axes[column], growth_axes[column]
-        _draw_ends(above, own[own["step"] == own["step"].max()], looks)
+        _draw_ends(above, errors[errors["step"] == errors["step"].max()], looks)
         above.set_title(title)
         above.set_xlabel("RMS error (%)" if "rms" in quantity else "error (%)")
         style.panel_letter(above, f"a{column + 1}", dx_mm=1.0)
-        _draw_growth(below, own, looks)
+        _draw_growth(below, errors, looks)
         below.set_xlabel("load step")
         style.panel_letter(below, f"b{column + 1}", dx_mm=1.0)
     ends_axes[0].set_yticks(range(len(looks)), [law_label(model) for model in models.to_dict("records")])
@@ -95,22 +95,22 @@ def _looks(models: pd.DataFrame) -> dict[str, dict[str, Any]]:
 
 def _draw_ends(axes: Axes, table: pd.DataFrame, looks: Mapping[str, dict[str, Any]]) -> None:
     for row, (name, look) in enumerate(looks.items()):
-        own = table[table["model"] == name].sort_values("refits", ascending=False)
-        axes.plot(PERCENT * own["relative_error"], [row] * len(own), color=look["color"], lw=0.8, zorder=2)
-        for one in own.to_dict("records"):
-            axes.plot(PERCENT * one["relative_error"], row, **look, **_fill(one["refits"]), ls="none", ms=4.0, zorder=3)
+        errors = table[table["model"] == name].sort_values("refits", ascending=False)
+        axes.plot(PERCENT * errors["relative_error"], [row] * len(errors), color=look["color"], lw=0.8, zorder=2)
+        for refits, error in zip(errors["refits"], PERCENT * errors["relative_error"], strict=True):
+            axes.plot(error, row, **look, **_fill(refits), ls="none", ms=4.0, zorder=3)
     axes.set_xscale("log")
     axes.tick_params(axis="y", left=False)
     axes.grid(axis="y", color=style.FAINT, lw=0.3, alpha=0.5)
 
 
 def _draw_growth(axes: Axes, table: pd.DataFrame, looks: Mapping[str, dict[str, Any]]) -> None:
-    for _, own in table.groupby("run", sort=False):
-        own, first = own.sort_values("step"), own.iloc[0]
+    for _, errors in table.groupby("run", sort=False):
+        errors, first = errors.sort_values("step"), errors.iloc[0]
         line = "-" if first["refits"] == 0 else REFIT_LINE
-        every = max(1, len(own) // 5)
+        every = max(1, len(errors) // 5)
         look = {**looks[first["model"]], **_fill(first["refits"])}
-        axes.plot(own["step"], PERCENT * own["relative_error"], **look, ls=line, ms=2.6, markevery=every)
+        axes.plot(errors["step"], PERCENT * errors["relative_error"], **look, ls=line, ms=2.6, markevery=every)
     axes.set_yscale("log")
 
 

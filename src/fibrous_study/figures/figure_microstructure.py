@@ -95,9 +95,9 @@ def draw(elements: Elements) -> Figure:
 
 def _draw_distributions(axes: Axes, table: pd.DataFrame) -> None:
     """The mean path of each run as a line, all of its Gauss points as a band."""
-    for number, (name, own) in enumerate(table.groupby("run", sort=False)):
+    for number, (name, of_run) in enumerate(table.groupby("run", sort=False)):
         look = style.law_line(number)
-        mean, points = own[own["path"] == MEAN], own[own["path"] != MEAN].groupby("share")["fiber_stretch"]
+        mean, points = of_run[of_run["path"] == MEAN], of_run[of_run["path"] != MEAN].groupby("share")["fiber_stretch"]
         axes.fill_betweenx(SHARES, points.min(), points.max(), color=look["color"], alpha=0.2, lw=0.0, zorder=2)
         axes.plot(mean["fiber_stretch"], mean["share"], **look, label=str(name).replace("_", " "), zorder=3)
     axes.set_ylabel("share of fibres up to $\\lambda$ (1)")

@@ -82,12 +82,13 @@ def _draw_panel(axes: Axes, trials: pd.DataFrame, quantity: str, times: float, l
     numbers = {load_set["name"]: number for number, load_set in enumerate(load_sets)}
     cases = trials.groupby(CASE, sort=False)
     networks = list(dict.fromkeys(trials["network"]))
-    for place, ((network, load_set), own) in enumerate(cases):
+    for place, ((network, load_set), of_case) in enumerate(cases):
         look = style.law_marker(networks.index(network))
         beside = (place - 0.5 * (len(cases) - 1)) * APART
         moved = offset_copy(axes.transData, axes.get_figure(root=True), x=beside, units="points")
-        axes.plot(own["value"], times * own[quantity], **look, ls="none", ms=2.0, mew=0.0, alpha=0.4, transform=moved)
-        median = times * own.groupby("value", sort=False)[quantity].median()
+        values = times * of_case[quantity]
+        axes.plot(of_case["value"], values, **look, ls="none", ms=2.0, mew=0.0, alpha=0.4, transform=moved)
+        median = values.groupby(of_case["value"], sort=False).median()
         axes.plot(median.index, median, **look, **_load_set_look(numbers[load_set]), ms=2.8, mew=0.7, zorder=3)
 
 

@@ -164,10 +164,10 @@ def fit_style(number: int) -> dict[str, Any]:
 def load_set_label(load_sets: list[dict[str, Any]], number: int) -> str:
     """The section a load set is named after, and its loads that not every set has: ``section 3.1 (xz-shear)``."""
     shared = set.intersection(*(set(load_set["loads"]) for load_set in load_sets))
-    own = [load_label(load) for load in load_sets[number]["loads"] if load not in shared]
+    special = [load_label(load) for load in load_sets[number]["loads"] if load not in shared]
     words = load_sets[number]["name"].split("_")
     name = f"section {'.'.join(words[1:])}" if words[0] == "section" else " ".join(words)
-    return f"{name} ({', '.join(own)})" if own else name
+    return f"{name} ({', '.join(special)})" if special else name
 
 
 def stretch_colors(stretch: NDArray[np.float64], largest: float) -> NDArray[np.float64]:
