@@ -23,10 +23,8 @@ from fibrous.fe.solver import LoadStepper
 from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.materials.network import FiberNetworks
-from fibrous.networks.fiber_law import ExponentialFiber
-from fibrous.networks.generation import delaunay_network, network_seed
-from fibrous.networks.network import total_length
-from fibrous.networks.path import stress_scale
+from fibrous.networks.fiber_law import Fiber
+from fibrous.networks.generation import delaunay, network_seed
 from fibrous.specimen import FiberField, RigidMotion, Slab, synthetic_specimen
 
 PAPER = 900 * 8 * 20
@@ -38,16 +36,16 @@ def run(counts, edge_um: float, steps: int, threads: int, distinct: int = 10**6)
     Elements beyond `distinct` have the networks of the first ones again.
     """
     specimen = synthetic_specimen(Slab(tuple(counts)), FiberField(), RigidMotion(), steps)
-    length, tolerance = total_length(0.04, edge_um, 0.1), 0.002 if edge_um > 15.0 else 0.03
+    fiber, tolerance = Fiber(modulus_MPa=10.0, nonlinearity=2.5, radius_um=0.1), 0.002 if edge_um > 15.0 else 0.03
     start = time.process_time()
     made = [
-        delaunay_network(H, length, network_seed(2021, "tissue", k), tolerance)
+        delaunay(H, fiber, 0.04, edge_um, network_seed(2021, "tissue", k), tolerance)
         for k, H in enumerate(specimen.structure_tensor[:distinct])
     ]
     networks = [made[k % len(made)] for k in range(len(specimen.structure_tensor))]
     generated = time.process_time() - start
-    clock, scale = Clock(), stress_scale(10.0, 0.1, edge_um)
-    fibers = FiberNetworks.of(networks, ExponentialFiber(2.5), scale, threads, clock=clock)
+    clock = Clock()
+    fibers = FiberNetworks.of(networks, threads, clock=clock)
     stepper = LoadStepper.of(specimen.mesh, Mixture((NeoHookean(0.025, 0.417), fibers)), specimen.prescribed)
     # Rest and its rates, and all compilation, before the clock starts.
     stepper.assembly.evaluate(np.zeros_like(specimen.mesh.node_position), stepper.assembly.split(None))

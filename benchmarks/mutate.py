@@ -542,10 +542,31 @@ MUTATIONS = [
     ),
     Mutation(
         "unit of stress",
-        "fibrous/networks/path.py",
-        "/ edge_length_um**2",
-        "* edge_length_um**2",
-        "library/test_path.py",
+        "fibrous/networks/network.py",
+        "radius_um**2 / self.edge_um**2",
+        "radius_um**2 * self.edge_um**2",
+        "library/test_network.py",
+    ),
+    Mutation(
+        "volume fraction",
+        "fibrous/networks/network.py",
+        "lengths / self.edge_um**2",
+        "lengths * self.edge_um**2",
+        "library/test_network.py",
+    ),
+    Mutation(
+        "weight of a section in the volume fraction",
+        "fibrous/networks/network.py",
+        "(self.fiber.section * self.fiber_lengths)",
+        "(self.fiber_lengths / self.fiber.section)",
+        "library/test_network.py",
+    ),
+    Mutation(
+        "length of the fibres of a volume fraction",
+        "fibrous/networks/generation.py",
+        "volume_fraction * edge_um**2 / (np.pi",
+        "volume_fraction / edge_um**2 / (np.pi",
+        "library/test_generation.py",
     ),
     Mutation(
         "volume ratio of the Cauchy stress",
@@ -830,8 +851,8 @@ MUTATIONS = [
     Mutation(
         "force of a fibre looked at",
         "fibrous_study/steps/network_microstructure.py",
-        'float(batch.attrs["fiber_modulus_MPa"]) * engine.law',
-        '-float(batch.attrs["fiber_modulus_MPa"]) * engine.law',
+        "network.fiber.modulus_MPa * network.fiber.response",
+        "-network.fiber.modulus_MPa * network.fiber.response",
         "study/test_microstructure.py",
     ),
     Mutation(

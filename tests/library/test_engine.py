@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import small_network
+from fibers import buckling, exponential
 from reference import respond
 from scipy.spatial.transform import Rotation
 
@@ -13,14 +14,14 @@ from fibrous.errors import ConfigError, NetworkError
 from fibrous.networks import kernels, relaxation
 from fibrous.networks.elimination import solve
 from fibrous.networks.engine import Engine, Room, room
-from fibrous.networks.fiber_law import BucklingFiber, ExponentialFiber
-from fibrous.networks.guard import LARGEST_MOVE, EquilibriumSolver
+from fibrous.networks.fiber_law import Fiber
+from fibrous.networks.geometry import Geometry
+from fibrous.networks.guard import LARGEST_MOVE, EquilibriumSolver, Limits
 from fibrous.networks.lanes import LANES
-from fibrous.networks.network import Network
 from fibrous.networks.path import follow
 from fibrous.networks.relaxation import REUSED, SHARP, STUCK
 
-LAW = ExponentialFiber(2.5)
+LAW = exponential(2.5)
 
 
 def lanes(gradients) -> np.ndarray:
@@ -30,11 +31,11 @@ def lanes(gradients) -> np.ndarray:
     return F
 
 
-def column(stays: int = 2) -> Network:
+def column(stays: int = 2) -> Geometry:
     """A straight column that is pushed along x, held by stays: in balance when straight, and unstable."""
     position = np.array([[-0.5, 0.0, 0.0], [0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, 0.5]])
     fibers = np.array([[0, 1], [1, 2], [1, 3], [1, 4]])[: 2 + stays]
-    return Network(position[: 3 + stays], np.array([True, False, True, True, True])[: 3 + stays], fibers)
+    return Geometry(position[: 3 + stays], np.array([True, False, True, True, True])[: 3 + stays], fibers)
 
 
 def test_forces_and_hessian_are_derivatives_of_the_energy(network, rng):
@@ -96,7 +97,7 @@ def test_lanes_blend_indefinite_hessians_as_the_guard_does(network):
 
 def after(engine, F, steps) -> tuple[np.ndarray, np.ndarray]:
     """Fluctuation of all lanes after so many accepted steps from none, and where the last factor was made."""
-    hasty, u = replace(engine, largest_number_of_iterations=steps), np.zeros((engine.size + 1, 3, LANES))
+    hasty, u = replace(engine, limits=Limits(largest_number_of_iterations=steps)), np.zeros((engine.size + 1, 3, LANES))
     assert (hasty.relax(F, u).steps == steps).all()
     return u, room().array("factored", engine.size, 3).copy()
 
@@ -173,7 +174,7 @@ def test_a_factor_is_used_again_where_the_last_step_was_sharp_and_nowhere_else(n
     states, made, before = [np.zeros_like(u), *(state for state, _ in ways)], [], np.inf
     for state in states:
         norm, bound = (values[0] for values in engine._pull(F, state))
-        bound *= engine.residual_tolerance
+        bound *= engine.limits.residual_tolerance
         sharp = 0.0 < norm / before <= SHARP
         enough = norm <= bound or norm * (norm / before) ** REUSED <= bound
         made.append(not (sharp and enough))
@@ -259,7 +260,7 @@ def test_what_is_stuck_on_the_quick_way_starts_again_from_the_tangent(network, m
 
 
 def test_the_guard_cuts_a_way_that_is_too_long_and_ends_where_others_do(network):
-    hasty, generous = Engine.of(network, LAW, largest_number_of_iterations=3), Engine.of(network, LAW)
+    hasty, generous = Engine.of(network, LAW, Limits(largest_number_of_iterations=3)), Engine.of(network, LAW)
     path = Load.parse("x_uniaxial").deformation_gradient(np.array([1.3, 1.6]))
     cut, whole = two_steps(hasty, path), two_steps(generous, path)
     assert cut.converged.all()
@@ -291,7 +292,7 @@ def test_a_mechanism_is_refused():
 def test_a_mechanism_is_refused_where_rounding_makes_it_stiff(seed):
     """Turned, the column's other pivots are rounding, of either sign."""
     chain = column(stays=0)
-    turned = Network(
+    turned = Geometry(
         chain.node_position @ Rotation.random(rng=seed).as_matrix(), chain.node_is_boundary, chain.fiber_nodes
     )
     with pytest.raises(NetworkError, match="mechanism at rest"):
@@ -310,7 +311,7 @@ def test_a_state_goes_on_with_the_same_bits_whatever_was_done_in_between(network
 
 
 def test_a_lane_that_is_lost_stays_at_its_last_equilibrium(network):
-    hasty = Engine.of(network, LAW, largest_number_of_iterations=2, largest_number_of_cuts=0)
+    hasty = Engine.of(network, LAW, Limits(largest_number_of_iterations=2, largest_number_of_cuts=0))
     small, large = np.diag([1.001, 1.0, 1.0]), np.diag([2.0, 0.8, 0.8])
     state = hasty.advance(hasty.rest(), lanes([small, large]))
     assert state.converged.tolist() == [True, False] + [True] * 6
@@ -326,7 +327,7 @@ def test_a_lane_that_is_lost_stays_at_its_last_equilibrium(network):
 
 def test_the_energy_of_a_lane_is_that_of_all_lanes(network, rng):
     count = len(network.fiber_nodes)
-    law = ExponentialFiber(
+    law = exponential(
         rng.uniform(1.0, 4.0, count), section=rng.uniform(0.5, 2.0, count), rest_length=rng.uniform(0.9, 1.1, count)
     )
     engine = Engine.of(network, law)
@@ -413,9 +414,9 @@ def test_rooms_grow_and_are_not_shared_between_names():
 def test_numbers_per_fiber_are_those_of_each_fiber(network, rng):
     """Sections, rest lengths and constants of each fibre: the guard, whose forces are summed in another order."""
     count = len(network.fiber_nodes)
-    law = ExponentialFiber(
+    law = exponential(
         rng.uniform(1.0, 4.0, count),
-        rng.uniform(1.02, 1.3, count),
+        linear_beyond_stretch=rng.uniform(1.02, 1.3, count),
         section=rng.uniform(0.5, 2.0, count),
         rest_length=rng.uniform(0.99, 1.01, count),
     )
@@ -429,7 +430,7 @@ def test_numbers_per_fiber_are_those_of_each_fiber(network, rng):
         expected = getattr(alone, name)
         np.testing.assert_allclose(getattr(response, name)[0], expected, atol=1e-9 * np.abs(expected).max())
     assert np.abs(response.first_piola_kirchhoff_stress[0, 0]).max() > 0.0
-    same = ExponentialFiber(np.full(count, 2.5), section=np.ones(count))
+    same = exponential(np.full(count, 2.5), section=np.ones(count))
     expected = follow(Engine.of(network, LAW), path[None], 1.0)
     np.testing.assert_allclose(
         follow(Engine.of(network, same), path[None], 1.0).cauchy_stress, expected.cauchy_stress, rtol=0, atol=1e-12
@@ -445,11 +446,11 @@ def test_twice_the_section_is_twice_the_stress(network):
 def test_a_taut_fiber_pulls_at_rest_and_a_slack_one_pushes():
     """Three pairs of fibres about a node: P at rest is the sum of the fibres' forces, in closed form."""
     ends = np.concatenate([sign * 0.5 * np.eye(3) for sign in (-1.0, 1.0)])
-    network = Network(
+    network = Geometry(
         np.vstack([np.zeros(3), ends]), np.array([False] + [True] * 6), np.array([[0, k] for k in range(1, 7)])
     )
     for rest_length in (0.9, 1.05):
-        law = BucklingFiber(0.3, rest_length=rest_length)
+        law = buckling(0.3, rest_length=rest_length)
         stretch = 1.0 / rest_length
         force = (stretch - 1.0) * (1.0 if stretch > 1.0 else 0.3)
         response = follow(Engine.of(network, law), np.eye(3)[None, None], 1.0)
@@ -460,32 +461,32 @@ def test_a_taut_fiber_pulls_at_rest_and_a_slack_one_pushes():
 
 def test_numbers_for_another_network_are_refused(network):
     with pytest.raises(ConfigError, match="has 3 numbers where the network has"):
-        Engine.of(network, ExponentialFiber(np.full(3, 2.5)))
+        Engine.of(network, exponential(np.full(3, 2.5)))
     with pytest.raises(ConfigError, match=r"fiber\.section of fiber 1 is -1\.0"):
-        ExponentialFiber(2.5, section=np.array([1.0, -1.0]))
+        exponential(2.5, section=np.array([1.0, -1.0]))
 
 
 def test_a_fiber_at_rest_counts_as_stretched(network):
     """Whatever rounding makes of its length: the tangent at rest is the guard's, which is that of tension."""
-    law = BucklingFiber(0.1)
+    law = buckling(0.1)
     tangent = follow(Engine.of(network, law), np.eye(3)[None, None], 1.0, tangent=True).tangent[0, 0]
     solver = EquilibriumSolver.of(network, law)
     expected = solver.condensed_tangent(solver.follow([np.eye(3)])[0])
     np.testing.assert_allclose(tangent, expected, atol=1e-6 * np.abs(expected).max())
-    linear = solver.of(network, BucklingFiber(1.0))
+    linear = solver.of(network, buckling(1.0))
     np.testing.assert_allclose(
         tangent, linear.condensed_tangent(linear.follow([np.eye(3)])[0]), atol=1e-6 * np.abs(expected).max()
     )
 
 
-def symmetric_chain(section: float) -> tuple[Network, ExponentialFiber]:
+def symmetric_chain(section: float) -> tuple[Geometry, Fiber]:
     """A chain on x of two free nodes, each held by four slight stays alike, so that no step ever leaves the axis."""
     inner = np.array([[-0.3, 0.0, 0.0], [0.1, 0.0, 0.0]])
     ends = np.array([[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]])
     stays = np.array([[x, *yz] for x in (-0.3, 0.1) for yz in ((0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5))])
     fibers = [[2, 0], [0, 1], [1, 3], *([0, k] for k in range(4, 8)), *([1, k] for k in range(8, 12))]
-    network = Network(np.vstack([inner, ends, stays]), np.array([False] * 2 + [True] * 10), np.array(fibers))
-    return network, ExponentialFiber(20.0, section=np.array([1.0, 2.0, 1.0, *[section] * 8]))
+    network = Geometry(np.vstack([inner, ends, stays]), np.array([False] * 2 + [True] * 10), np.array(fibers))
+    return network, exponential(20.0, section=np.array([1.0, 2.0, 1.0, *[section] * 8]))
 
 
 def test_no_state_is_accepted_whose_hessian_is_indefinite():
@@ -516,6 +517,6 @@ def test_no_paths_have_no_answers(network):
 
 
 def test_what_finds_no_equilibrium_at_rest_is_no_mechanism(network):
-    hasty = Engine.of(network, ExponentialFiber(2.5, rest_length=1.1), largest_number_of_iterations=2)
+    hasty = Engine.of(network, exponential(2.5, rest_length=1.1), Limits(largest_number_of_iterations=2))
     with pytest.raises(NetworkError, match="finds no equilibrium at rest"):
         hasty.rest()

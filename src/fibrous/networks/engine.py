@@ -22,10 +22,10 @@ from fibrous.errors import ConvergenceError, NetworkError
 from fibrous.networks import kernels, relaxation
 from fibrous.networks.elimination import Elimination, solve
 from fibrous.networks.fiber_law import FiberLaw, Fibers
-from fibrous.networks.guard import LARGEST_MOVE, SINGULAR, EquilibriumSolver
+from fibrous.networks.geometry import Geometry
+from fibrous.networks.guard import LARGEST_MOVE, LIMITS, SINGULAR, EquilibriumSolver, Limits
 from fibrous.networks.kernels import Topology
 from fibrous.networks.lanes import LANES
-from fibrous.networks.network import Network
 from fibrous.networks.relaxation import CONVERGED, STUCK, Space
 
 Array = NDArray[np.float64]
@@ -125,7 +125,7 @@ class PathState(NamedTuple):
     indefinite: Count
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Engine:
     """Newton's method for a network with a fibre law, in eight lanes.
 
@@ -134,33 +134,21 @@ class Engine:
     network : as it is; law : of its fibres
     nodes : its number of the node at each place of the order of elimination, shape (n,)
     topology, fibers : for compiled code
-    residual_tolerance : ‖r‖ ≤ tolerance √n max(1, f_rms), with n interior nodes and forces in kA
-    largest_number_of_iterations : of one attempt at an F; the lanes, and each part of the guard's way, are attempts
-    largest_number_of_cuts : how often the guard halves the way to an F before it is given up
+    limits : the lanes, and each part of the guard's way, are attempts at an F
     clock : counts CPU seconds of `equilibrium`, which is forces, Hessians, factors and moves, and of the `condensation`
         with the rates
     """
 
-    network: Network
+    network: Geometry
     law: FiberLaw
     nodes: NDArray[np.int64]
     topology: Topology
     fibers: Fibers
-    residual_tolerance: float = 1e-11
-    largest_number_of_iterations: int = 60
-    largest_number_of_cuts: int = 6
+    limits: Limits = LIMITS
     clock: Clock = field(default_factory=Clock)
 
     @classmethod
-    def of(
-        cls,
-        network: Network,
-        law: FiberLaw,
-        residual_tolerance: float = 1e-11,
-        largest_number_of_iterations: int = 60,
-        largest_number_of_cuts: int = 6,
-        clock: Clock | None = None,
-    ) -> Self:
+    def of(cls, network: Geometry, law: FiberLaw, limits: Limits = LIMITS, clock: Clock | None = None) -> Self:
         """The engine of a network, ordered so that factors of its Hessian have few blocks."""
         interior = np.flatnonzero(~network.node_is_boundary)
         number = np.full(len(network.node_position), len(interior))
@@ -175,17 +163,7 @@ class Engine:
         tails, heads = (np.ascontiguousarray(end, dtype=np.int32) for end in ends.T)
         lists = elimination.starts, elimination.rows, elimination.leaders
         topology = Topology(network.fiber_vectors, tails, heads, pairs, *lists)
-        return cls(
-            network,
-            law,
-            nodes,
-            topology,
-            law.fibers(network.fiber_lengths),
-            residual_tolerance,
-            largest_number_of_iterations,
-            largest_number_of_cuts,
-            clock or Clock(),
-        )
+        return cls(network, law, nodes, topology, law.fibers(network.fiber_lengths), limits, clock or Clock())
 
     @property
     def size(self) -> int:
@@ -195,8 +173,7 @@ class Engine:
     @property
     def guard(self) -> EquilibriumSolver:
         """The method for what leaves the lanes."""
-        limits = self.residual_tolerance, self.largest_number_of_iterations, self.largest_number_of_cuts
-        return EquilibriumSolver.of(self.network, self.law, *limits)
+        return EquilibriumSolver.of(self.network, self.law, self.limits)
 
     def relax(self, F: Array, u: Array, quick: bool = False, least_pivot: float = 0.0) -> Relaxed:
         """Bring the lanes to equilibrium at F, shape (3, 3, 8), from predictions u, (≥ n + 1, 3, 8), in place.
@@ -209,7 +186,7 @@ class Engine:
         The `quick` way is for predictions that are nearly right: a lane is stuck at the first sign of trouble, which is
         a Hessian that is not positive definite, or a step that is long or leaves more than half of the residual.
         """
-        limits = self.residual_tolerance, self.largest_number_of_iterations
+        limits = self.limits.residual_tolerance, self.limits.largest_number_of_iterations
         space = self._space()
         with self.clock.of(EQUILIBRIUM):
             status, steps, indefinite, residual = relaxation.relax(

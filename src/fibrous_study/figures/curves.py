@@ -12,12 +12,10 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from fibrous.deformation import largest_principal_stretch
-from fibrous.errors import naming
 from fibrous.fitting.hgo import strain_energy
-from fibrous_study.curve_datasets import read_curves
+from fibrous_study.curve_datasets import curves_called
 from fibrous_study.datasets import read_table
 from fibrous_study.figures import style
-from fibrous_study.loading import index_of
 
 FIT_COLUMNS = (
     "name", "load_set", "deformation", "energy", "objective", "lambda_f_max", "C2_MPa", "C3", "C2_half_width_MPa",
@@ -35,9 +33,7 @@ def curve_table(path: Path, network: str) -> pd.DataFrame:
     strain_energy_density_MPa, largest_orientation_eigenvalue, converged, amplitude_limited. Raises DatasetError where
     no network has the name.
     """
-    curves = read_curves([path])
-    with naming(str(path)):
-        curves = curves.network(index_of(curves.names, network))
+    curves = curves_called(path, network)
     loads, steps = curves.magnitude.shape[1:]
     return pd.DataFrame(
         {

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 
 from fibrous.curves import Curves
 from fibrous.errors import DatasetError, naming
@@ -18,9 +17,9 @@ from fibrous.materials.affine_fibers import AffineFibers
 from fibrous.materials.contract import Material
 from fibrous.materials.hgo import law_called
 from fibrous_study import datasets
-from fibrous_study.curve_datasets import read_curves
+from fibrous_study.curve_datasets import curves_called
 from fibrous_study.fit_tables import ALL, SINGLE, TENSOR_COLUMNS, fits_of, structure_tensors
-from fibrous_study.loading import fiber_law, index_of, network_named, scale_of
+from fibrous_study.loading import member_called
 
 NETWORK = "network"  # in the column `model`
 INITIAL, REFIT = "initial", "refit"
@@ -79,11 +78,10 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
 
 def _path_of(path: Path, name: str) -> Curves:
     """The network of that name under the only deformation of a file of curves."""
-    curves = read_curves([path])
+    curves = curves_called(path, name)
     if len(curves.loads) != 1:
         raise DatasetError(f"{path}: holds {len(curves.loads)} deformations where the case study has one")
-    with naming(str(path)):
-        return curves.network(index_of(curves.names, name))
+    return curves
 
 
 def _models(inputs: Mapping[str, list[Path]], config: Mapping[str, Any], deformation: str) -> Iterator[Model]:
@@ -93,8 +91,8 @@ def _models(inputs: Mapping[str, list[Path]], config: Mapping[str, Any], deforma
     for entry in config["models"]:
         about = {"model": entry["name"], **NOTHING, "law": entry["law"]}
         if entry["law"] == "affine":
-            with naming(str(inputs["networks"][0])):
-                yield _affine_fibers(datasets.read(inputs["networks"][0], "networks"), config["network"]), about, np.nan
+            network = member_called(inputs["networks"][0], config["network"]).network
+            yield AffineFibers.of_networks([network]), about, np.nan
         elif entry.get("constants") == "fit":
             for constants in (INITIAL, REFIT) if entry.get("refit") else (INITIAL,):
                 with naming(f"{fits[constants]}: model '{entry['name']}'"):
@@ -119,11 +117,6 @@ def _row(table: pd.DataFrame, network: str, entry: Mapping[str, Any], load_set: 
             f"objective {entry['objective']}, where one is needed; delete the table and run again"
         )
     return fits
-
-
-def _affine_fibers(networks: xr.Dataset, name: str) -> AffineFibers:
-    """The fibres of the network of that name, all stretched with F."""
-    return AffineFibers.of_networks([network_named(networks, name)], fiber_law(networks), scale_of(networks))
 
 
 def _states(about: Mapping[str, Any], path: Curves, energy: np.ndarray, stress: np.ndarray) -> pd.DataFrame:
