@@ -11,12 +11,10 @@ import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
-from fibrous.networks.network import Network
 from fibrous_study.datasets import read, write_table
 from fibrous_study.figures import curves, style
 from fibrous_study.figures.figure_3 import last_state
-from fibrous_study.figures.projection import CUBE_VIEW, draw_network, draw_state, fibers_of
-from fibrous_study.loading import member_called
+from fibrous_study.figures.projection import CUBE_VIEW, draw_network, draw_state, fibers_of, index_of
 
 # Panels: left, bottom, width, height; where the words begin, in shares of the figure; the stage whose work is shown.
 PANELS: tuple[tuple[tuple[float, float, float, float], float, str, str, str], ...] = (
@@ -54,13 +52,13 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     fits = fits[(fits["name"] == name) & (fits["load_set"] == load_set["name"])]
     table = curves.energy_table(points, fits, "name")
     write_table(table, outputs["data"], params)
-    network, states = member_called(inputs["networks"][0], name).network, read(inputs["states"][0], "states")
-    style.save(draw(network, states, points, fits, table, config["jobs"]), outputs, params)
+    networks, states = read(inputs["networks"][0], "networks"), read(inputs["states"][0], "states")
+    style.save(draw(networks, states, points, fits, table, config["jobs"]), outputs, params)
 
 
 @matplotlib.rc_context(style.SHEET)
 def draw(
-    network: Network,
+    networks: xr.Dataset,
     states: xr.Dataset,
     points: pd.DataFrame,
     fits: pd.DataFrame,
@@ -71,7 +69,7 @@ def draw(
     figure = style.new_figure(style.FULL_WIDTH_MM, 74.0)
     panels = [figure.add_axes(box) for box, *_ in PANELS]
     fit, load = fits.to_dict("records")[0], str(points["deformation"].iloc[0])
-    draw_network(panels[0], CUBE_VIEW, fibers_of(network), 0.25, width=0.3, fade=0.6)
+    draw_network(panels[0], CUBE_VIEW, fibers_of(networks, index_of(networks, fit["name"])), 0.25, width=0.3, fade=0.6)
     state = last_state(states, load)
     limit = style.stretch_limit(state["fiber_stretch"].values)
     draw_state(panels[1], CUBE_VIEW, state, limit, width=0.3, edge_bar=False)

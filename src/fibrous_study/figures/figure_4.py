@@ -28,7 +28,6 @@ from fibrous_study.figures.deformed import Body, Run, field_scale, last_step
 from fibrous_study.figures.flow import Chart, chart
 from fibrous_study.figures.projection import CUBE_VIEW, draw_network, fibers_of
 from fibrous_study.fit_tables import ALL, LOAD, SINGLE, fits_of
-from fibrous_study.loading import networks_of
 
 SHOWN = "maximum_shear_stress_MPa"
 FIT_COLUMNS = ("network", "load_set", "deformation", "energy", "objective", "C2_MPa", "C3")
@@ -63,7 +62,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     columns = ["panel", "element", "kind", "series"]
     points = points[[*columns, *points.columns.difference(columns, sort=False)]]
     write_table(points, outputs["data"], params)
-    fibers = fibers_of(*networks_of(inputs["networks"], [network]))
+    fibers = _fibers(inputs["networks"], network)
     style.save(draw(specimen, runs, element, fibers, points, config["stages"]), outputs, params)
 
 
@@ -210,6 +209,15 @@ def _points(panel: str, curves: Curves, constants: tuple[float, float]) -> pd.Da
     fitted = pd.DataFrame(dict(zip(names, (stretch, strain_energy(*constants, stretch)), strict=True)))
     tables.append(fitted.assign(panel=panel, kind="fit", series="Eq. 2", C2_MPa=constants[0], C3=constants[1]))
     return pd.concat(tables, ignore_index=True)
+
+
+def _fibers(paths: list[Path], network: int) -> np.ndarray:
+    for path in paths:
+        networks = read(path, "networks")
+        numbers = networks["network"].values.tolist()
+        if network in numbers:
+            return fibers_of(networks, numbers.index(network))
+    raise DatasetError(f"{paths[0].parent}: no file holds network {network}; delete the networks and run again")
 
 
 def _curves(paths: list[Path], network: int) -> Curves:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +17,9 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from fibrous.fitting.surface import Region, evaluate
-from fibrous.networks.network import Network
 from fibrous_study.datasets import read, write_table
 from fibrous_study.figures import curves, style
-from fibrous_study.figures.projection import XY_VIEW, XZ_VIEW, draw_axes_cross, draw_network, fibers_of
-from fibrous_study.loading import member_called
+from fibrous_study.figures.projection import XY_VIEW, XZ_VIEW, draw_axes_cross, draw_network, fibers_of, index_of
 
 # constant of the surface: column of the fits, column of its half-width, label
 CONSTANTS = {"C2": ("C2_MPa", "C2_half_width_MPa", "$C_2$ (MPa)"), "C3": ("C3", "C3_half_width", "$C_3$ (1)")}
@@ -39,8 +37,8 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     """
     config = params["config"]
     names, load_set = config["networks"], config["load_sets"][0]
-    networks = [member_called(inputs["networks"][0], name).network for name in names]
-    surface = read(inputs["surface"][0], "surface").sel(protocol=config["protocol"], load_set=load_set["name"])
+    networks, surface = read(inputs["networks"][0], "networks"), read(inputs["surface"][0], "surface")
+    surface = surface.sel(protocol=config["protocol"], load_set=load_set["name"])
 
     states = curves.stacked({name: curves.curve_table(inputs["curves"][0], name) for name in names}, "name")
     states = states[states["deformation"].isin(load_set["loads"])]
@@ -76,7 +74,7 @@ def surface_table(surface: xr.Dataset) -> pd.DataFrame:
 
 @matplotlib.rc_context(style.SHEET)
 def draw(
-    networks: Sequence[Network],
+    networks: xr.Dataset,
     states: pd.DataFrame,
     fits: pd.DataFrame,
     energies: pd.DataFrame,
@@ -88,7 +86,8 @@ def draw(
     figure = style.new_figure(style.FULL_WIDTH_MM, 185.0)
     grid = figure.add_gridspec(3, len(fits), left=0.068, right=0.992, top=0.945, bottom=0.425, wspace=0.42, hspace=0.1)
     for column, fit in enumerate(fits.to_dict("records")):
-        fibers, tensor = fibers_of(networks[column]), networks[column].structure_tensor
+        index = index_of(networks, fit["name"])
+        fibers, tensor = fibers_of(networks, index), networks["structure_tensor"].values[index]
         for row, (letter, camera) in enumerate({"a": XY_VIEW, "b": XZ_VIEW}.items()):
             axes = figure.add_subplot(grid[row, column])
             draw_network(axes, camera, fibers, 0.1, width=0.3, fade=0.85)

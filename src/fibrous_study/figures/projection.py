@@ -11,7 +11,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from numpy.typing import ArrayLike, NDArray
 
-from fibrous.networks.network import Network
+from fibrous.errors import DatasetError
 from fibrous_study.figures.style import FAINT, INK, arrow, stretch_colors
 
 Array = NDArray[np.float64]
@@ -51,9 +51,25 @@ XZ_VIEW = Camera(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]))
 CUBE_VIEW = Camera.looking_from(azimuth_deg=-62.0, elevation_deg=22.0)
 
 
-def fibers_of(network: Network) -> Array:
-    """Ends of the fibres, shape (fibers, 2, 3), edges."""
-    return np.asarray(network.node_position[network.fiber_nodes])
+def index_of(networks: xr.Dataset, name: str) -> int:
+    """Where the network of that name stands. Raises DatasetError where none or several have it."""
+    there = np.flatnonzero(networks["name"].values == name)
+    if there.size != 1:
+        raise DatasetError(f"the networks hold {there.size} named '{name}' where the figure draws one")
+    return int(there[0])
+
+
+def fibers_of(networks: xr.Dataset, index: int) -> Array:
+    """Ends of the fibres of the network that stands there, shape (fibers, 2, 3), edges.
+
+    A `Network` would bring along the engine, which figures have no time to import.
+    """
+    rows = {}
+    for dim in ("node", "fiber"):
+        counts = networks[f"{dim}_count"].values
+        rows[dim] = slice(int(counts[:index].sum()), int(counts[: index + 1].sum()))
+    nodes = networks["node_position"].values[rows["node"]]
+    return np.asarray(nodes[networks["fiber_nodes"].values[rows["fiber"]]])
 
 
 def draw_network(
