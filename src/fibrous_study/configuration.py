@@ -17,6 +17,7 @@ import jsonschema
 import yaml
 
 from fibrous.errors import ConfigError
+from fibrous.materials.registry import LAWS, WITH_CONSTANTS
 from fibrous.networks import GENERATORS
 from fibrous_study.contradictions import contradictions
 
@@ -25,7 +26,6 @@ Config = dict[str, Any]
 PROJECT = Path(__file__).parents[2]
 SCHEMA = PROJECT / "workflow" / "schemas" / "config.schema.yaml"
 DEFAULT = PROJECT / "config" / "config.yaml"
-CLAIMS = PROJECT / "config" / "claims.yaml"
 TEMPLATES = Path(__file__).parent / "report"
 
 
@@ -52,11 +52,13 @@ def schema_of_config() -> dict[str, Any]:
     try:
         schema = yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))
         schema["properties"]["network"]["enum"] = [*GENERATORS, "file"]
-        return schema
     except OSError:
         raise ConfigError(
             f"{SCHEMA}: no such file; install the package from its checkout with pip install -e"
         ) from None
+    model = schema["properties"]["tissue"]["properties"]["models"]["items"]["properties"]
+    model["law"]["enum"], model["energy"]["enum"] = [*LAWS], [*WITH_CONSTANTS]
+    return schema
 
 
 def loaded(override: Path | None = None) -> Config:
@@ -68,15 +70,6 @@ def loaded(override: Path | None = None) -> Config:
     if override is not None:
         _merge(config, _read(override))
     return validated(config)
-
-
-@cache
-def statements() -> list[dict[str, Any]]:
-    """What the paper says, as config/claims.yaml has it. Raises ConfigError where that cannot be read."""
-    found = parsed(CLAIMS)
-    if not isinstance(found, list):
-        raise ConfigError(f"{CLAIMS}: must hold a list of statements")
-    return found
 
 
 def _read(path: Path) -> Config:

@@ -11,7 +11,7 @@ import numpy as np
 
 from fibrous.deformation import Load, averaged_stretch, largest_principal_stretch
 from fibrous.errors import LoadError
-from fibrous.materials.hgo import LAWS
+from fibrous.materials.registry import LAWS
 from fibrous_study import plan
 from fibrous_study.plan import (
     CASE_PATH,
@@ -370,7 +370,7 @@ def _sensitivity(config: Config) -> Iterator[str]:
 def _model(config: Config, model: Config, path: str) -> Iterator[str]:
     """Keys that a model needs, and those that say nothing in it."""
     needed = set()
-    if model["law"] in LAWS:
+    if LAWS[model["law"]].has_constants:
         needed = {"constants"}
         if model.get("constants") == "fit":
             needed |= {"energy", "objective"}
@@ -379,7 +379,7 @@ def _model(config: Config, model: Config, path: str) -> Iterator[str]:
     extra = set(model) - needed - {"name", "law"}
     if model.get("constants") == "fit":
         extra -= {"refit"}
-    if model["law"] == "network":
+    if LAWS[model["law"]].is_solved:
         extra -= {"load_steps"}
     for key in sorted(extra - {"refit"} if not model.get("refit") else extra):
         yield f"{path}.{key} says nothing about {model['name']}: leave it out"

@@ -11,15 +11,17 @@ from typing import Any
 
 import pandas as pd
 
-from fibrous_study.audit.finding import Verdict, percent
+from fibrous_study.audit.verdict import Verdict
 from fibrous_study.report.outline import OUTLINE
+from fibrous_study.words import percent
 
 SENTENCES: dict[str, Any] = OUTLINE["headline"]
 
 
 def counted(claims: pd.DataFrame) -> dict[str, int]:
     """How many statements got each verdict."""
-    return {verdict.value: int((claims["verdict"] == verdict.value).sum()) for verdict in Verdict}
+    verdicts = claims.groupby("claim")["verdict"].first()
+    return {verdict.value: int((verdicts == verdict.value).sum()) for verdict in Verdict}
 
 
 def headline(tables: Mapping[str, pd.DataFrame]) -> list[str]:
@@ -29,8 +31,9 @@ def headline(tables: Mapping[str, pd.DataFrame]) -> list[str]:
 
 
 def _of_claims(claims: pd.DataFrame) -> str:
-    verdicts = ", ".join(f"{count} {verdict}" for verdict, count in counted(claims).items() if count)
-    return SENTENCES["claims"].format(count=len(claims), verdicts=verdicts)
+    counts = counted(claims)
+    verdicts = ", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count)
+    return SENTENCES["claims"].format(count=sum(counts.values()), verdicts=verdicts)
 
 
 def _of_costs(table: pd.DataFrame) -> str:

@@ -23,9 +23,9 @@ def figures() -> dict[str, dict[str, Any]]:
     return {exhibit["figure"]: exhibit for exhibit in exhibits() if "figure" in exhibit}
 
 
-def claims_of(section: dict[str, Any]) -> list[str]:
-    """Ids of the statements that a section tells of, in its order."""
-    return [id for part in (section, *section["exhibits"]) for id in part.get("claims", ())]
+def name_of(exhibit: dict[str, Any]) -> str:
+    """What statements of config/paper.yaml say that they stand under."""
+    return exhibit.get("figure") or exhibit["table"]
 
 
 def in_snakemake(folder: Path) -> dict[str, dict[str, Any]]:

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import pandas as pd
 
 from fibrous.errors import DatasetError
+from fibrous_study.audit.wording import Said, worded
 from fibrous_study.report.headline import headline
 from fibrous_study.report.outline import OUTLINE, TARGETS
 
 
-def blocks(tables: Mapping[str, pd.DataFrame]) -> dict[str, str]:
-    """Markdown by the name of its mark, from tables by the names of fibrous_study.report.tables."""
+def blocks(tables: Mapping[str, pd.DataFrame], statements: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """Markdown by the name of its mark, from tables by the names of fibrous_study.report.tables.
+
+    `statements` is that section of config/paper.yaml.
+    """
     return {
         "headline": "\n".join(f"- {sentence}" for sentence in headline(tables)),
         "size": _size(tables["stages"]),
-        "statements": _statements(tables["claims"].fillna("")),
+        "statements": _statements(worded(tables["claims"], statements)),
         "targets": _targets(tables["targets"]),
     }
 
@@ -42,9 +47,11 @@ def _size(stages: pd.DataFrame) -> str:
     )
 
 
-def _statements(claims: pd.DataFrame) -> str:
-    rows = claims.set_index("id").loc[OUTLINE["readme"], ["section", "says", "here", "verdict"]]
-    return _markdown(("section", "the paper says", "here", "verdict"), rows.itertuples(index=False))
+def _statements(claims: Sequence[Said]) -> str:
+    by_id = {claim.id: claim for claim in claims}
+    shown = [by_id[id] for id in OUTLINE["readme"] if id in by_id]
+    rows = ((claim.section, claim.says, claim.here, claim.verdict) for claim in shown)
+    return _markdown(("section", "the paper says", "here", "verdict"), rows)
 
 
 def _targets(targets: pd.DataFrame) -> str:

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from fibrous.comparison import COMPONENTS, stress_errors
 from fibrous.curves import Curves
 from fibrous.errors import DatasetError, naming
-from fibrous.material_point import COMPONENTS, along_path, stress_errors
 from fibrous.materials.affine_fibers import AffineFibers
 from fibrous.materials.contract import Material
-from fibrous.materials.hgo import law_called
+from fibrous.materials.registry import LAWS, law_called
 from fibrous_study import datasets
 from fibrous_study.curve_datasets import curves_called
 from fibrous_study.fit_tables import ALL, SINGLE, TENSOR_COLUMNS, fits_of, structure_tensors
@@ -57,10 +57,11 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     states = [_states({"model": NETWORK, **NOTHING}, path, path.strain_energy_density[0, 0], network)[used]]
     errors: list[dict[str, Any]] = []
     for material, about, r_squared in _models(inputs, config, path.loads[0]):
-        response = along_path(material, gradients)
-        states.append(_states(about, path, response.strain_energy_density, response.cauchy_stress))
+        # The steps as Gauss points of one element, for fibres that belong to an element.
+        stress, energy = material.stress(gradients[None])[0], material.energy(gradients[None])[0]
+        states.append(_states(about, path, energy, stress))
         of_law = {name: about[name] for name in ("model", "constants", "law", "energy", "objective")}
-        for component, error in stress_errors(response.cauchy_stress[compared], network[compared]).items():
+        for component, error in stress_errors(stress[compared], network[compared]).items():
             row = {
                 "component": component,
                 "points_used": int(compared.sum()),
@@ -90,7 +91,7 @@ def _models(inputs: Mapping[str, list[Path]], config: Mapping[str, Any], deforma
     fits = dict(zip(groups, inputs["fits"], strict=True))
     for entry in config["models"]:
         about = {"model": entry["name"], **NOTHING, "law": entry["law"]}
-        if entry["law"] == "affine":
+        if LAWS[entry["law"]].has_networks:
             network = member_called(inputs["networks"][0], config["network"]).network
             yield AffineFibers.of_networks([network]), about, np.nan
         elif entry.get("constants") == "fit":
@@ -100,7 +101,7 @@ def _models(inputs: Mapping[str, list[Path]], config: Mapping[str, Any], deforma
                     row = _row(table, config["network"], entry, *groups[constants])
                     (fit,) = row.to_dict("records")
                     of_fit = {name: fit[name] for name in ("objective", "C2_MPa", "C3")}
-                    material = law_called(entry["law"]).of_structure_tensor(
+                    material = law_called(entry["law"]).material.of_structure_tensor(
                         structure_tensors(row)[0], fit["C2_MPa"], fit["C3"], config["tension_only"]
                     )
                     of_model = {"constants": constants, "energy": entry["energy"]}

@@ -11,8 +11,9 @@ import pandas as pd
 
 from fibrous.errors import DatasetError
 from fibrous_study import datasets
+from fibrous_study.audit.wording import worded
 from fibrous_study.report.headline import counted, headline
-from fibrous_study.report.outline import OUTLINE, SECTIONS, claims_of
+from fibrous_study.report.outline import OUTLINE, SECTIONS, name_of
 from fibrous_study.report.page import images, page
 from fibrous_study.report.tables import VIEWS, shown
 
@@ -28,13 +29,14 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     figures = {name: _svg(path) for name, path in zip(config["figures"], inputs["figures"], strict=True)}
     paths = dict(zip(config["tables"], inputs["tables"], strict=True))
     tables = {name: datasets.read_table(path, VIEWS[name].needed) for name, path in paths.items()}
-    claims = _claims(tables)
-    there = {*figures, *tables, *claims}
+    claims = worded(tables["claims"], config["paper"]["statements"]) if "claims" in tables else []
+    there = {*figures, *tables, *(claim.under for claim in claims)}
     text = page(
         OUTLINE["title"],
         outline=OUTLINE,
-        sections=[section for section in SECTIONS if there & {*_exhibits(section), *claims_of(section)}],
-        claims={id: claims[id] for section in SECTIONS for id in claims_of(section) if id in claims},
+        sections=[section for section in SECTIONS if there & {*map(name_of, section["exhibits"])}],
+        claims={claim.id: claim for claim in claims},
+        contradictions=config["paper"]["contradictions"],
         counts=counted(tables["claims"]) if claims else {},
         headline=headline(tables),
         notes=_notes(config["other_than_default"]),
@@ -44,16 +46,6 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
         config=config["study"],
     )
     datasets.write_bytes(text.encode(), outputs["page"], params)
-
-
-def _claims(tables: Mapping[str, pd.DataFrame]) -> dict[str, dict[Any, Any]]:
-    """The statements with what came out, each cell a text, by their ids; none where the run has not judged them."""
-    rows = tables["claims"].fillna("").to_dict("records") if "claims" in tables else []
-    return {row["id"]: row for row in rows}
-
-
-def _exhibits(section: Mapping[str, Any]) -> list[str]:
-    return [exhibit.get("figure") or exhibit["table"] for exhibit in section["exhibits"]]
 
 
 def _svg(path: Path) -> bytes:
