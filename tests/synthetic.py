@@ -14,8 +14,11 @@ from fibrous.curves import Curves
 from fibrous.deformation import Load, averaged_stretch, load_path, matching_magnitude
 from fibrous.fitting.hgo import strain_energy
 from fibrous.fitting.surface import LABELS, evaluate
+from fibrous.networks import network
+from fibrous.networks.fiber_law import Fiber
+from fibrous.networks.network import Network
 from fibrous_study import curve_datasets
-from fibrous_study.datasets import packed, read, write, write_table
+from fibrous_study.datasets import NETWORKS, packed, read, write, write_table
 from fibrous_study.schema import KINDS, TABLES
 
 LOADS = ("x_uniaxial", "xy_biaxial", "xz_biaxial", "xy_shear", "xz_shear", "yz_shear")
@@ -40,9 +43,7 @@ LOST_LOAD = "xz_shear"
 
 
 def params(figure: int | str, **config: Any) -> dict[str, Any]:
-    name = figure if isinstance(figure, str) else f"figure_{figure}"
-    stage = f"fibrous_study.figures.figure_{name.removeprefix('figure_')}"
-    return {"stage": stage, "config": config, "code_hash": "0" * 16}
+    return {"stage": f"fibrous_study.figures.figure_{figure}", "config": config, "code_hash": "0" * 16}
 
 
 def structure_tensors() -> np.ndarray:
@@ -54,22 +55,17 @@ def constants(H11: np.ndarray, H22: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def write_networks(path: Path, points: int) -> None:
-    positions, boundary, fibers = [], [], []
+    networks = []
     for number, tensor in enumerate(structure_tensors()):
         cloud = np.random.default_rng(number).uniform(-0.5, 0.5, (points, 3))
         shape = np.sqrt(np.diag(tensor) * 3.0)
         simplices = Delaunay(cloud / shape).simplices
         pairs = np.sort(np.vstack([simplices[:, [a, b]] for a in range(4) for b in range(a)]), axis=1)
-        positions.append(cloud)
-        boundary.append(np.abs(cloud).max(axis=1) > 0.42)
-        fibers.append(np.unique(pairs, axis=0))
+        near_a_face = np.abs(cloud).max(axis=1) > 0.42
+        fiber = Fiber(modulus_MPa=10.0, nonlinearity=2.5, radius_um=0.1)
+        networks.append(Network(cloud, near_a_face, np.unique(pairs, axis=0), fiber=fiber, edge_um=20.0))
     count = len(NAMED)
     arrays = {
-        "node_count": np.array([len(p) for p in positions]),
-        "fiber_count": np.array([len(f) for f in fibers]),
-        "node_position": np.vstack(positions),
-        "node_is_boundary": np.concatenate(boundary),
-        "fiber_nodes": np.vstack(fibers),
         "structure_tensor": structure_tensors(),
         "target_structure_tensor": structure_tensors(),
         "volume_fraction": np.full(count, 0.04),
@@ -77,8 +73,7 @@ def write_networks(path: Path, points: int) -> None:
         "seed": np.arange(count),
         "name": np.array(list(NAMED)),
     }
-    constants = dict.fromkeys(KINDS["networks"].attributes, 1.0)
-    dataset = packed(arrays, "networks", {"network": np.arange(count)}).assign_attrs(constants)
+    dataset = network.packed(networks).assign(packed(arrays, NETWORKS, {"network": np.arange(count)}))
     write(dataset, path, "networks", params(0))
 
 

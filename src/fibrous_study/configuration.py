@@ -26,7 +26,6 @@ Config = dict[str, Any]
 PROJECT = Path(__file__).parents[2]
 SCHEMA = PROJECT / "workflow" / "schemas" / "config.schema.yaml"
 DEFAULT = PROJECT / "config" / "config.yaml"
-CAPTIONS = PROJECT / "workflow" / "report"
 TEMPLATES = Path(__file__).parent / "report"
 
 
@@ -71,16 +70,6 @@ def loaded(override: Path | None = None) -> Config:
     if override is not None:
         _merge(config, _read(override))
     return validated(config)
-
-
-@cache
-def caption(name: str) -> str:
-    """What the report says below a figure, from the file that Snakemake's own report shows. Raises ConfigError."""
-    path = CAPTIONS / f"{name}.rst"
-    try:
-        return " ".join(path.read_text(encoding="utf-8").split())
-    except OSError as error:
-        raise ConfigError(f"{path}: {error.strerror}; write the caption of {name}") from None
 
 
 def _read(path: Path) -> Config:

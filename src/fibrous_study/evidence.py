@@ -18,8 +18,8 @@ from fibrous_study.audit.verdict import ENSEMBLE, NAMED
 from fibrous_study.curve_datasets import read_curves
 from fibrous_study.fit_tables import ALL, SINGLE, fits_of
 from fibrous_study.solutions import LAW
-from fibrous_study.steps.comparison import fields_of
 from fibrous_study.steps.table_2 import MULTISCALE, TASKS
+from fibrous_study.tissue_runs import fields_of
 
 SURFACES = {"C2": "C2", "C3": "C3_eight"}  # the terms that the paper prints
 NETWORK_PARTS = ("equilibrium", "condensation")

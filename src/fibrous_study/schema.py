@@ -77,7 +77,7 @@ def _kind(place: str, variables: Mapping[str, tuple[str, str, str]], attributes:
 
 def _table(
     place: str,
-    columns: Mapping[str, tuple[str, str] | tuple[str, str, str]],
+    columns: Mapping[str, tuple[str, ...]],
     rows: Mapping[str, tuple[str, ...]] | None = None,
     law: str = "",
 ) -> Table:
@@ -496,8 +496,19 @@ TABLES: dict[str, Table] = {
     }),
     "sensitivity_sentences": _table("tables/sensitivity_sentences.csv", {
         "factor": ("text", "what is varied; also `shear_directions`, the load sets, and `seeds`, the networks"),
-        "sentence": ("text", "how far medians over networks move, in cases of an alignment and a load set each, and "
-                     "whether by more than the base's networks are apart"),
+        "quantity": ("text", "`C2_MPa`, `C3`, `r_squared` or `stress_error`, as in `sensitivity.csv`"),
+        "cases": ("int", "networks under one load set each; networks alone where load sets are compared"),
+        "beyond_seeds": ("int", "cases whose medians move by more than the base's networks are apart"),
+        "network": ("text", "alignment of the case that moves most among those beyond seeds, or among all"),
+        "load_set": ("text", "its load set; empty where load sets are compared"),
+        "least": ("1", "its least median, in the unit of the quantity"),
+        "least_at": ("text", "value of the factor there, or load set"),
+        "largest": ("1", "its largest median, in the unit of the quantity"),
+        "largest_at": ("text", "value of the factor there, or load set"),
+        "seeds_least": ("1", "the least of the base's networks in this case, in the unit of the quantity"),
+        "seeds_largest": ("1", "the largest of them"),
+        "states_failed": ("int", "states without an equilibrium, which are left out"),
+        "sentence": ("text", "the same in words"),
     }),
 }
 # Files that say themselves what they hold, or that are pictures of others.

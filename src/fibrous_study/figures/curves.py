@@ -12,9 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from fibrous.deformation import largest_principal_stretch
-from fibrous.errors import DatasetError
 from fibrous.fitting.hgo import strain_energy
-from fibrous_study.curve_datasets import read_curves
+from fibrous_study.curve_datasets import curves_called
 from fibrous_study.datasets import read_table
 from fibrous_study.figures import style
 
@@ -30,9 +29,7 @@ def curve_table(path: Path, network: str) -> pd.DataFrame:
     strain_energy_density_MPa, largest_orientation_eigenvalue, converged, amplitude_limited. Raises DatasetError where
     no network has the name.
     """
-    curves = read_curves([path]).called(network)
-    if len(curves.names) != 1:
-        raise DatasetError(f"{path}: holds {len(curves.names)} networks named '{network}' where the figure draws one")
+    curves = curves_called(path, network)
     loads, steps = curves.magnitude.shape[1:]
     return pd.DataFrame(
         {
@@ -105,11 +102,7 @@ def draw_load(axes: Axes, states: pd.DataFrame, column: str, number: int, scale:
 
 
 def draw_energies(
-    axes: Axes,
-    states: pd.DataFrame,
-    curves: pd.DataFrame,
-    default_loads: Collection[str],
-    numbers: Mapping[str, int],
+    axes: Axes, states: pd.DataFrame, curves: pd.DataFrame, default_loads: Collection[str], numbers: Mapping[str, int]
 ) -> dict[str, str]:
     """Draw W against λ_f, states of one network and rows of energy_table that are fitted curves.
 
