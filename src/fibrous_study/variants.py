@@ -52,9 +52,14 @@ def variants(config: Config) -> list[Variant]:
     return [Variant(), *others]
 
 
+def variant_called(config: Config, name: str) -> Variant:
+    """The variant of that name."""
+    return next(variant for variant in variants(config) if variant.name == name)
+
+
 def trial(config: Config, name: str) -> dict[str, Any]:
     """What the trial of the variant of that name depends on: the study's numbers with its own in their place."""
-    variant = next(variant for variant in variants(config) if variant.name == name)
+    variant = variant_called(config, name)
     own = varied(config, variant)
     kept = ("seed", "fiber", "cube", "principal_stretch_limit", "equilibrium", "load_sets", "fit")
     return {

@@ -108,8 +108,9 @@ def short(**changes) -> dict:
     return config
 
 
-def trials(config, folder, variant="base") -> pd.DataFrame:
+def trials(config, folder, variant="base", **changes) -> pd.DataFrame:
     params = job_of(config, "sensitivity_trial", variant=variant).params
+    params["config"] = params["config"] | changes
     stage.run({}, {"trials": folder / f"{variant}.csv"}, params)
     return pd.read_csv(folder / f"{variant}.csv")
 
@@ -150,7 +151,7 @@ def test_variants_share_their_networks_and_change_one_number(tmp_path):
 
 def test_an_impossible_network_is_named(tmp_path):
     with pytest.raises(NetworkError, match=r"^case, replicate 0: a total fiber length"):
-        trials(short(cube={"edge_length_um": 4.0}), tmp_path)
+        trials(short(), tmp_path, cube=short()["cube"] | {"edge_length_um": 4.0})
 
 
 def test_a_state_that_found_no_equilibrium_is_named(tmp_path, capsys):

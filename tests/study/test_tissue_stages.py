@@ -175,8 +175,8 @@ def test_a_surface_below_zero_counts_as_zero(study, other):
 
 
 def test_an_element_outside_the_surface_is_named(other):
-    aligned = other(SURFACE_FILE, synthetic_specimen={"H11": [0.85, 0.9]})
-    aligned.run("specimen")
+    aligned = other(SURFACE_FILE)
+    aligned.run("specimen", {"synthetic_specimen": aligned.config["synthetic_specimen"] | {"H11": [0.85, 0.9]}})
     with pytest.raises(FitError, match=r"^element 0: H11 = 0.8.. is outside the fitted range"):
         aligned.run("tissue_run", run="hgo_surface")
     assert not (aligned.folder / "results/tissue/hgo_surface.nc").exists()
@@ -243,8 +243,8 @@ def test_a_network_without_one_fit_is_named(other):
 @pytest.mark.parametrize("lagged", [False, True])
 def test_a_motion_too_large_leaves_its_converged_part_until_it_succeeds(other, lagged):
     model = {"models": [{**HGO, "refit": True}], "update": "lagged" if lagged else "rounds"}
-    small = other(FITS_FILE, *NETWORK_FILES, synthetic_specimen={"load_steps": 2, "gap_mm": -12.0}, tissue=model)
-    small.run("specimen")
+    small = other(FITS_FILE, *NETWORK_FILES, synthetic_specimen={"load_steps": 2}, tissue=model)
+    small.run("specimen", {"synthetic_specimen": small.config["synthetic_specimen"] | {"gap_mm": -12.0}})
     run = "hgo_refit" if lagged else "hgo"
     stage = "tissue_lagged" if lagged else "tissue_run"
     with pytest.raises(ConvergenceError) as error:

@@ -13,11 +13,11 @@ import pandas as pd
 import psutil
 import pytest
 import xarray as xr
-from fibrous_study.documentation import TABLES
 from workflow_runs import QUICK, SMALL, all_files, command_line, files_of, quick_config, snakemake, would_run, written
 
 from fibrous_study.check import check
 from fibrous_study.provenance import record_of
+from fibrous_study.schema import TABLES
 
 
 def test_the_quick_study_makes_every_file_and_check_agrees(quick):

@@ -1,1 +1,1 @@
-"""One module a rule: read inputs, one call into the library, write outputs."""
+"""One module per rule: read inputs, one call into the library, write outputs."""

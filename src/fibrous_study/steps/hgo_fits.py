@@ -1,4 +1,4 @@
-"""Rules `fit_networks` and `refit_networks`: (C2, C3) of every network of an ensemble.
+"""Rule `hgo_fits`: (C2, C3) of every network of an ensemble.
 
 Under one protocol, for each load set and each load alone.
 

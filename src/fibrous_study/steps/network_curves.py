@@ -1,4 +1,4 @@
-"""Rule `deform_networks`: the W-λ curves of one batch of networks under every load of a protocol."""
+"""Rule `network_curves`: the W-λ curves of one batch of networks under every load of a protocol."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rule `make_networks`: the networks of one batch of an ensemble, generated or read from the user's files."""
+"""Rule `network_ensemble`: the networks of one batch of an ensemble, generated or read from the user's files."""
 
 from __future__ import annotations
 

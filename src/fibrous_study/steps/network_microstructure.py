@@ -1,4 +1,4 @@
-"""Rule `follow_network`: the network of one element along the deformation that a run of the tissue found (2.5)."""
+"""Rule `network_microstructure`: the network of one element along the deformation that a run of the tissue found (2.5)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rule `record_states`: node positions and fibre stretches of one network at every step, for figures."""
+"""Rule `network_states`: node positions and fibre stretches of one network at every step, for figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rules `deform_networks_as_in_tissue_…`: a batch of networks along the deformations that runs found (2.5)."""
+"""Rule `refit_curves`: a batch of networks along the deformations that runs found (2.5)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rule `show_tables`: every table of the study as a page that a browser shows, for Snakemake's own report."""
+"""Rule `table_pages`: every table of the study as a page that a browser shows, for Snakemake's own report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rule `deform_tissue_with_networks`: a discrete network in equilibrium at every Gauss point (2.7, 3.4)."""
+"""Rule `tissue_coupled`: a discrete network in equilibrium at every Gauss point (2.7, 3.4)."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     """Read `specimen` and `networks`; write `tissue` and `vtu`. ``params["threads"]`` elements are worked on at a time.
 
     After a load step a checkpoint is kept beside `tissue` if keeping the last one cost little of the time since. It
-    is removed in the end. Raises ConvergenceError as the rule `deform_tissue` does, DatasetError where an element has
+    is removed in the end. Raises ConvergenceError as the rule `tissue_run` does, DatasetError where an element has
     no network.
     """
     config = params["config"]

@@ -1,4 +1,4 @@
-"""Rule `deform_tissue_with_lagged_constants`: a run that fits its constants anew at every load step (Fig. 4b)."""
+"""Rule `tissue_lagged`: a run that fits its constants anew at every load step (Fig. 4b)."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from fibrous_study.solutions import (
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
     """Read `specimen`, the initial `fits` and the `networks`; write `tissue` and `vtu`.
 
-    Raises ConvergenceError as the rule `deform_tissue` does, DatasetError where an element has no network or no
+    Raises ConvergenceError as the rule `tissue_run` does, DatasetError where an element has no network or no
     constants.
     """
     config = params["config"]

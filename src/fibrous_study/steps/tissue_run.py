@@ -1,4 +1,4 @@
-"""Rule `deform_tissue`: one finite element run of the specimen, with a law of the fibres and its constants."""
+"""Rule `tissue_run`: one finite element run of the specimen, with a law of the fibres and its constants."""
 
 from __future__ import annotations
 
