@@ -1,4 +1,4 @@
-"""Rule `convergence`: states of the study that found no equilibrium, and loads that ended at the limit of the principal stretch."""
+"""Rule `convergence`: states without an equilibrium, and loads that ended at the limit of the principal stretch."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rule `tables_of_sensitivity`: trials of every variant summed up, and how far each factor moves each quantity."""
+"""Rule `sensitivity_tables`: trials of every variant summed up, and how far each factor moves each quantity."""
 
 from __future__ import annotations
 

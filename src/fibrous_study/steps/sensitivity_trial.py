@@ -1,4 +1,4 @@
-"""Rule `sensitivity_trial`: Eq. 2 fitted to networks of a study in which one number is another, and its error in stress."""
+"""Rule `sensitivity_trial`: Eq. 2 fitted to networks of a study with one number changed, and its error in stress."""
 
 from __future__ import annotations
 
