@@ -11,7 +11,6 @@ from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
 
 from fibrous.errors import LoadError
 
@@ -158,6 +157,8 @@ def matching_magnitude(load: Load, structure_tensor: Array, target: float, limit
         )
     if below[-1] == trial.size - 1:
         return end, True
+    from scipy.optimize import brentq  # here, since most that import this module never solve, and it takes 0.3 s
+
     return float(brentq(excess, trial[below[-1]], trial[below[-1] + 1], xtol=1e-14, rtol=1e-14)), False
 
 

@@ -124,7 +124,7 @@ def test_the_page_says_where_its_numbers_come_from(quick, page):
     whole = quick_config()
     assert shown_config == {key: whole[key] for key in shown_config}
     assert set(whole) - set(shown_config) == {"microstructure", "sensitivity"}
-    assert "differs from the default one in cube, delaunay, replicates, synthetic_specimen, tissue." in page.words
+    assert "differs from the default one in cube, delaunay, replicates, synthetic_specimen." in page.words
 
 
 def test_every_statement_of_the_paper_stands_below_a_figure_or_table():

@@ -90,7 +90,7 @@ CHANGES = {
     "replicates.seeds": (3, first_hit("network_ensemble", ensemble="replicates")),
     "protocols": (
         lambda: _with("protocols", 1, steps=10),
-        first_hit("network_curves", "network_states", protocol="small"),
+        together(first_hit("network_curves", protocol="small"), first_hit("network_states")),
     ),
     "principal_stretch_limit": (3.4, first_hit("network_curves", "network_states")),
     "equilibrium.residual_tolerance": (1e-8, together(the_curves, first_hit("tissue_coupled"))),

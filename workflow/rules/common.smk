@@ -33,6 +33,7 @@ JOB = (
 )
 
 ROLES, RUNS = config["roles"], plan.runs(config)
+RANGES = [ROLES["large"], ROLES["small"]]
 ALIGNMENTS = {key: config["delaunay"][key] for key in ("H11", "smallest_H")}
 # What Snakemake's own report says of the figure that each rule draws, and of tables.
 SHOWN = in_snakemake(FOLDER / "captions")

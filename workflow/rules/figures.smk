@@ -1,7 +1,5 @@
 # Figures of the paper, and of the study beside it. Those of its own networks are left out with a tissue of one's own.
 
-RANGES = [ROLES["large"], ROLES["small"]]
-
 
 rule figure_2:
     input:

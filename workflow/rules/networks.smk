@@ -72,18 +72,22 @@ rule network_states:
     input:
         networks="results/networks/named/00.nc",
     output:
-        states="results/states/named/{network}_{protocol}.nc",
+        **{protocol: f"results/states/named/{ROLES['case']}_{protocol}.nc" for protocol in RANGES},
     log:
-        "logs/network_states/{network}_{protocol}.log",
-    wildcard_constraints:
-        network=ROLES["case"],
-        protocol="|".join(plan.protocols(config)),
+        "logs/network_states.log",
     resources:
         mem_mb=1500,
     params:
-        **job("network_states", lambda wildcards: {"network": wildcards.network, **part_of_load(wildcards)}),
+        **job(
+            "network_states",
+            lambda wildcards: {
+                "network": ROLES["case"],
+                "protocols": [plan.protocol(config, protocol) for protocol in RANGES],
+                **part("principal_stretch_limit", "equilibrium"),
+            },
+        ),
     message:
-        "Recording every deformed state of network {wildcards.network} under protocol {wildcards.protocol}"
+        "Recording every deformed state of the case-study network"
     shell:
         JOB
 

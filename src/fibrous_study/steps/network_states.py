@@ -13,15 +13,16 @@ from fibrous_study.loading import member_called, protocol_loads
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
-    """Load the network called ``config["network"]`` and write ``outputs["states"]``.
+    """Load the network called ``config["network"]`` by each of the `protocols`; write to the output of each one's name.
 
-    Raises DatasetError if it is absent.
+    Raises DatasetError if the network is absent.
     """
     config = params["config"]
-    protocol, limits = config["protocol"], Limits(**config["equilibrium"])
+    limits = Limits(**config["equilibrium"])
     member = member_called(inputs["networks"][0], config["network"])
-    with naming(str(member)):
-        states = member.network.load(
-            protocol_loads(protocol), protocol["steps"], config["principal_stretch_limit"], limits, geometry=True
-        )
-    datasets.write(states, outputs["states"], "states", params)
+    for protocol in config["protocols"]:
+        with naming(str(member)):
+            states = member.network.load(
+                protocol_loads(protocol), protocol["steps"], config["principal_stretch_limit"], limits, geometry=True
+            )
+        datasets.write(states, outputs[protocol["name"]], "states", params)
