@@ -1236,8 +1236,8 @@ MUTATIONS = [
     Mutation(
         "amplitude of another protocol's first load",
         "fibrous_study/variants.py",
-        'plan.protocol(config, FITTED_PROTOCOL)["loads"][0], "magnitude"',
-        'plan.protocol(config, FITTED_PROTOCOL)["loads"][-1], "magnitude"',
+        'plan.protocol(config, config["roles"]["large"])["loads"][0], "magnitude"',
+        'plan.protocol(config, config["roles"]["large"])["loads"][-1], "magnitude"',
         "study/test_sensitivity.py",
     ),
     Mutation(

@@ -13,16 +13,8 @@ from fibrous.deformation import Load, averaged_stretch, largest_principal_stretc
 from fibrous.errors import LoadError
 from fibrous.materials.hgo import LAWS
 from fibrous_study import plan
-from fibrous_study.plan import (
-    CASE_PATH,
-    CASE_PROTOCOL,
-    FIGURE_NETWORK,
-    FIGURE_PROTOCOLS,
-    REFIT,
-    SURVEY_NETWORKS,
-    Config,
-)
-from fibrous_study.variants import FITTED_PROTOCOL, Variant, factors, varied
+from fibrous_study.plan import REFIT, Config
+from fibrous_study.variants import Variant, factors, varied
 
 SURFACE_TERMS = 9
 RESERVED = ("specimen", "table", "comparison")  # names of files beside those of the runs
@@ -113,9 +105,11 @@ def _alignments(config: Config) -> Iterator[str]:
         if entry["H11"] + entry["H22"] >= 1:
             yield f"named[{i}] has H11 + H22 = {entry['H11'] + entry['H22']:g}, must be less than 1, the trace of H"
     names = {entry["name"] for entry in config["named"]}
-    for name in (FIGURE_NETWORK, *SURVEY_NETWORKS):
+    roles = config["roles"]
+    survey = ((f"survey[{i}]", name) for i, name in enumerate(roles["survey"]))
+    for key, name in (("case", roles["case"]), *survey):
         if name not in names:
-            yield f"named lacks {name}, which a figure draws"
+            yield f"roles.{key} is {name}, which named lacks"
 
 
 def _ensemble(config: Config) -> Iterator[str]:
@@ -142,7 +136,7 @@ def _loads(config: Config) -> Iterator[str]:
             yield f"protocols[{i}].name is {protocol['name']}, must not begin with {REFIT}, as those of the refits do"
         names = [entry["load"] for entry in protocol["loads"]]
         followed = not all({"magnitude", "deformation_gradient"} & set(entry) for entry in protocol["loads"][1:])
-        leads = followed or protocol["name"] in FIGURE_PROTOCOLS
+        leads = followed or protocol["name"] in (config["roles"]["large"], config["roles"]["small"])
         for j, entry in enumerate(protocol["loads"]):
             path = f"protocols[{i}].loads[{j}]"
             if entry["load"] in names[:j]:
@@ -154,20 +148,18 @@ def _wanted_protocols(config: Config) -> Iterator[str]:
     """Protocols that tables and figures need, with the ensembles that they must load."""
     if plan.own_networks(config):
         return
-    ensembles = {entry["name"]: entry["ensembles"] for entry in config["protocols"]}
-    wanted = [(name, ensemble, "the figures draw") for name in FIGURE_PROTOCOLS for ensemble in ("delaunay", "named")]
-    wanted += [(name, "named", "Figure 8 draws") for name in (CASE_PROTOCOL, CASE_PATH)]
-    wanted += [(name, "replicates", "the claims need") for name in (*FIGURE_PROTOCOLS, CASE_PROTOCOL, CASE_PATH)]
-    for name, ensemble, what in wanted:
-        if name not in ensembles:
-            yield f"protocols lacks {name}, which {what}"
-        elif ensemble not in ensembles[name]:
-            yield f"protocols: the ensembles of {name} lack {ensemble}, which {what}"
+    roles, ensembles = config["roles"], {entry["name"]: entry["ensembles"] for entry in config["protocols"]}
+    for role in ("large", "small", "case_study", "path"):
+        if roles[role] not in ensembles:
+            yield f"roles.{role} is {roles[role]}, must be one of {', '.join(ensembles)}"
+            continue
+        # Table 1 and Fig. 6 need the 750; Figures 3, 5 and 8 the named networks; the claims replicates of these.
+        for ensemble in ("delaunay", "named", "replicates") if role in ("large", "small") else ("named", "replicates"):
+            if ensemble not in ensembles[roles[role]]:
+                yield f"roles.{role} is {roles[role]}, whose ensembles lack {ensemble}"
     for entry in config["protocols"]:
-        if entry["name"] == CASE_PATH and CASE_PATH not in plan.loads(entry):
-            yield f"protocols: {CASE_PATH} lacks a load of that name, with Eq. 9's deformation_gradient"
-        if entry["name"] == CASE_PATH and (others := sorted(plan.loads(entry) - {CASE_PATH})):
-            yield f"protocols: {CASE_PATH} has {others[0]}, must have the load of that name alone: Figure 8 draws one"
+        if entry["name"] == roles["path"] and len(entry["loads"]) != 1:
+            yield f"roles.path is {roles['path']}, which has {len(entry['loads'])} loads, must have one"
 
 
 def _load(config: Config, entry: Config, path: str, first: bool, leads: bool) -> Iterator[str]:
@@ -234,7 +226,7 @@ def _load_sets(config: Config) -> Iterator[str]:
             if not any(load in loads for loads in available.values()):
                 yield f"{path} is {load}, which no protocol has"
                 continue
-            for name in FIGURE_PROTOCOLS:
+            for name in (config["roles"]["large"], config["roles"]["small"]):
                 if not plan.own_networks(config) and load not in available.get(name, {load}):
                     yield f"{path} is {load}, which protocol {name} lacks, so that Table 1 cannot be made"
 
@@ -278,10 +270,10 @@ def _tissue(config: Config) -> Iterator[str]:
         yield f"tissue.load_set is {load_set}, must be one of {', '.join(load_sets)}"
         return
     wanted = set(load_sets[load_set]["loads"])
-    for path, protocol in (("tissue.protocol", name), (f"protocols: {CASE_PROTOCOL}", CASE_PROTOCOL)):
+    for path, protocol in (("tissue.protocol", name), ("roles.case_study", config["roles"]["case_study"])):
         missing = wanted - plan.loads(protocols[protocol]) if protocol in protocols else set()
         if missing:
-            yield f"{path} lacks {min(missing)}, which tissue.load_set = {load_set} asks for"
+            yield f"{path} is {protocol}, which lacks {min(missing)}, which tissue.load_set = {load_set} asks for"
     if name not in protocols:
         yield f"tissue.protocol is {name}, must be one of {', '.join(protocols)}"
     elif "tissue" not in protocols[name]["ensembles"]:
@@ -337,10 +329,10 @@ def _microstructure(config: Config) -> Iterator[str]:
 
 def _claims(config: Config) -> Iterator[str]:
     """Loads without which statements about network 3 cannot be judged."""
-    large = FIGURE_PROTOCOLS[0]
+    large = config["roles"]["large"]
     for entry in config["protocols"]:
         for load in sorted(CLAIMED_LOADS - plan.loads(entry)) if entry["name"] == large else ():
-            yield f"protocols: {large} lacks {load}, which the claims need"
+            yield f"roles.large is {large}, which lacks {load}, which the claims need"
 
 
 def _sensitivity(config: Config) -> Iterator[str]:
@@ -351,7 +343,7 @@ def _sensitivity(config: Config) -> Iterator[str]:
             yield f"sensitivity.networks[{i}] is {name}, must be one of {', '.join(names)}"
         if name in part["networks"][:i]:
             yield f"sensitivity.networks[{i}] is {name}, which the list has already"
-    if FITTED_PROTOCOL not in plan.protocols(config):
+    if config["roles"]["large"] not in plan.protocols(config):
         return
     known = {*_cube(config), *_loads(config)}
     for factor in factors(config):

@@ -8,8 +8,8 @@ from typing import Any
 from fibrous_study import plan
 from fibrous_study.batches import replicate_numbers, replicated
 from fibrous_study.network_stages import figure, once
-from fibrous_study.plan import CASE_PATH, Config, Stage, Wildcards
-from fibrous_study.variants import FACTORS, FITTED_PROTOCOL, factors, own_value, variant_called, variants, varied
+from fibrous_study.plan import Config, Stage, Wildcards
+from fibrous_study.variants import FACTORS, factors, own_value, variant_called, variants, varied
 
 TRIALS = "results/sensitivity/{variant}.csv"
 
@@ -30,15 +30,14 @@ def _networks(config: Config) -> list[dict[str, Any]]:
 def _trial_config(config: Config, wildcards: Wildcards) -> dict[str, Any]:
     variant = variant_called(config, wildcards["variant"])
     own = varied(config, variant)
-    path = plan.protocol(own, CASE_PATH)
     kept = ("seed", "fiber", "cube", "principal_stretch_limit", "equilibrium", "load_sets", "fit")
     return {
         "factor": variant.factor,
         "value": variant.value,
         "unit": FACTORS.get(variant.factor, ""),
         "networks": _networks(config),
-        "protocol": plan.protocol(own, FITTED_PROTOCOL),
-        "path": {**path, "loads": [load for load in path["loads"] if load["load"] == CASE_PATH]},
+        "protocol": plan.protocol(own, config["roles"]["large"]),
+        "path": plan.protocol(own, config["roles"]["path"]),
         **{key: own[key] for key in kept},
     }
 

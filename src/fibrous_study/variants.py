@@ -8,12 +8,11 @@ from typing import Any
 
 from fibrous.errors import ConfigError
 from fibrous_study import plan
-from fibrous_study.plan import FIGURE_PROTOCOLS, Config
+from fibrous_study.plan import Config
 
 # Keys under `sensitivity` that list values, with their unit.
 FACTORS = {"edge_length_um": "µm", "volume_fraction": "1", "nonlinearity": "1", "amplitude": "1", "steps": "1"}
 BASE = "base"
-FITTED_PROTOCOL = FIGURE_PROTOCOLS[0]
 
 
 @dataclass(frozen=True)
@@ -35,7 +34,7 @@ class Variant:
 
 def factors(config: Config) -> dict[str, str]:
     """The factors that are varied, with their unit: no amplitude where the first load has a gradient of its own."""
-    first = plan.protocol(config, FITTED_PROTOCOL)["loads"][0]
+    first = plan.protocol(config, config["roles"]["large"])["loads"][0]
     return {factor: unit for factor, unit in FACTORS.items() if factor != "amplitude" or "magnitude" in first}
 
 
@@ -80,7 +79,7 @@ def _place(config: Config, factor: str) -> tuple[Any, str]:
         case "nonlinearity":
             return config["fiber"], factor
         case "amplitude":
-            return plan.protocol(config, FITTED_PROTOCOL)["loads"][0], "magnitude"
+            return plan.protocol(config, config["roles"]["large"])["loads"][0], "magnitude"
         case "steps":
-            return plan.protocol(config, FITTED_PROTOCOL), factor
+            return plan.protocol(config, config["roles"]["large"]), factor
     raise ConfigError(f"sensitivity: nothing varies '{factor}', must be one of {', '.join(FACTORS)}")
