@@ -28,11 +28,10 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from fibrous.networks.banded import Assembly
-from fibrous.networks.engine import Engine
-from fibrous.networks.fiber_law import ExponentialFiber
+from fibrous.networks.guard import Limits
+from fibrous.networks.network import unpacked
 from fibrous.networks.path import follow
 from fibrous_study import datasets
-from fibrous_study.loading import fiber_law, scale_of, unpacked
 from fibrous_study.provenance import code_hash
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -40,7 +39,8 @@ ROOT = Path(__file__).resolve().parent.parent
 
 def run_stage(stage: str, config: dict, inputs: list[Path], output: Path) -> float:
     """Run a stage as a rule does; CPU seconds of its process."""
-    params = {"stage": f"fibrous_study.{stage}", "config": config, "code_hash": code_hash(f"fibrous_study.{stage}")}
+    module = {"networks": "fibrous_study.steps.network_ensemble", "curves": "fibrous_study.steps.network_curves"}[stage]
+    params = {"stage": module, "config": config, "code_hash": code_hash(module)}
     files = {"inputs": {"networks": [str(path) for path in inputs]}, "outputs": {stage: str(output)}}
     job, whole = output.with_suffix(".job.json"), output.with_suffix(".config.json")
     job.write_text(json.dumps({**params, **files}), encoding="utf-8")
@@ -52,9 +52,9 @@ def run_stage(stage: str, config: dict, inputs: list[Path], output: Path) -> flo
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
-def factor_and_solve(network, nonlinearity: float, repeats: int = 9) -> float:
+def factor_and_solve(network, repeats: int = 9) -> float:
     """Median CPU seconds of one banded factor-and-solve of the rest Hessian in SciPy's reverse Cuthill-McKee order."""
-    assembly = Assembly(network, ExponentialFiber(nonlinearity))
+    assembly = Assembly(network, network.fiber)
     band = assembly.hessian(assembly.evaluate(np.eye(3), np.zeros((assembly.size + 1, 3))))
     size = band.shape[1]
     rows = np.arange(len(band))[:, None] + np.arange(size)
@@ -88,7 +88,7 @@ def refits(path: Path, config: dict) -> float:
     paths = np.eye(3) + parts * (ends[:, :, None] - np.eye(3))
     start = time.process_time()
     for network, path_ in zip(unpacked(dataset), paths, strict=True):
-        follow(Engine.of(network, fiber_law(dataset), **config["equilibrium"]), path_, scale_of(dataset))
+        follow(network.engine(Limits(**config["equilibrium"])), path_, network.stress_unit_MPa)
     return (time.process_time() - start) / paths[:, :, 1:, 0, 0].size
 
 
@@ -97,20 +97,18 @@ def main() -> None:
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 60
     config = yaml.safe_load((ROOT / "config/config.yaml").read_text(encoding="utf-8"))
     numbers = np.linspace(0, config["delaunay"]["networks"] - 1, count).astype(int).tolist()
-    shared = {key: config[key] for key in ("seed", "fiber", "cube")}
+    shared = {key: config[key] for key in ("seed", "network", "fiber", "cube")}
     alignment = {key: config["delaunay"][key] for key in ("H11", "smallest_H")}
     limits = {key: config[key] for key in ("principal_stretch_limit", "equilibrium")}
     with tempfile.TemporaryDirectory() as folder:
         networks = Path(folder) / "networks.nc"
         run_stage(
-            "networks", {**shared, "ensemble": "delaunay", "numbers": numbers, "delaunay": alignment}, [], networks
+            "networks",
+            {**shared, "ensemble": "delaunay", "numbers": numbers, "delaunay": alignment},
+            [],
+            networks,
         )
-        baseline = np.mean(
-            [
-                factor_and_solve(one, config["fiber"]["nonlinearity"])
-                for one in unpacked(datasets.read(networks, "networks"))
-            ]
-        )
+        baseline = np.mean([factor_and_solve(one) for one in unpacked(datasets.read(networks, "networks"))])
         total = {"delaunay": config["delaunay"]["networks"], "named": len(config["named"])}
         total |= {"replicates": config["replicates"]["seeds"] * len(config["named"])}
         total |= {"tissue": int(np.prod(config["synthetic_specimen"]["elements"]))}

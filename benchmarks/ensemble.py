@@ -9,9 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fibrous.networks.network import structure_tensor
+from fibrous.networks.network import unpacked
 from fibrous_study import datasets
-from fibrous_study.loading import unpacked
 
 
 def main() -> None:
@@ -20,7 +19,7 @@ def main() -> None:
     opened = [datasets.read(path, "networks") for path in sorted(results.glob("networks/delaunay/*.nc"))]
     networks = [network for dataset in opened for network in unpacked(dataset)]
     misses = [
-        np.abs(structure_tensor(network.fiber_vectors) - target).max()
+        np.abs(network.structure_tensor - target).max()
         for dataset in opened
         for network, target in zip(unpacked(dataset), dataset["target_structure_tensor"].values, strict=True)
     ]

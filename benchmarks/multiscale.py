@@ -2,9 +2,9 @@
 
     python benchmarks/multiscale.py [--elements X Y Z] [--edge CHI_UM] [--steps N] [--threads N] [--growth]
 
-Prints CPU milliseconds of a network iteration in parts (fibres and assembly, factorisation and solution,
-condensation), those of a Gauss point and load step with all that surrounds them, network and macroscopic iterations,
-and the minutes that 900 hexahedra in 20 steps would take at that. With ``--growth`` the same for 112, 900 and 3,000
+Prints CPU milliseconds of a Gauss point and load step with all that surrounds it, network and macroscopic iterations,
+the minutes that 900 hexahedra in 20 steps would take at that, and what a network iteration costs in parts: equilibrium
+(forces, factors, moves) and condensation. With ``--growth`` the same for 112, 900 and 3,000
 hexahedra with small networks instead: the time of a Gauss point and step must not grow.
 """
 
@@ -12,74 +12,44 @@ import argparse
 import os
 import platform
 import time
-from collections import defaultdict
 from importlib.metadata import version
 
 os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
 
 import numpy as np
 
+from fibrous.clock import Clock
 from fibrous.fe.solver import LoadStepper
 from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.materials.network import FiberNetworks
-from fibrous.networks import engine, kernels
-from fibrous.networks.fiber_law import ExponentialFiber
-from fibrous.networks.generation import delaunay_network, network_seed
-from fibrous.networks.network import total_length
-from fibrous.networks.path import stress_scale
+from fibrous.networks.fiber_law import Fiber
+from fibrous.networks.generation import delaunay, network_seed
 from fibrous.specimen import FiberField, RigidMotion, Slab, synthetic_specimen
 
-PARTS = {
-    "fibres and assembly": ((kernels, "pull"), (kernels, "assemble")),
-    "factorisation and solution": ((engine, "factorize"), (engine, "solve")),
-    "condensation": ((kernels, "couple"), (kernels, "condense")),
-}
 PAPER = 900 * 8 * 20
 
 
-class Meter:
-    """CPU seconds and calls of compiled functions, wherever a module calls them; seconds of the calling thread."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = defaultdict(float)
-        self.calls: dict[str, int] = defaultdict(int)
-        for module, name in (place for places in PARTS.values() for place in places):
-            setattr(module, name, self._metered(name, getattr(module, name)))
-
-    def _metered(self, name, function):
-        def metered(*args):
-            start = time.thread_time()
-            try:
-                return function(*args)
-            finally:
-                self.seconds[name] += time.thread_time() - start
-                self.calls[name] += 1
-
-        return metered
-
-
-def run(counts, edge_um: float, steps: int, threads: int, meter: Meter | None = None, distinct: int = 10**6) -> float:
+def run(counts, edge_um: float, steps: int, threads: int, distinct: int = 10**6) -> float:
     """Follow the specimen, print, and return CPU milliseconds a Gauss point and load step.
 
     Elements beyond `distinct` have the networks of the first ones again.
     """
     specimen = synthetic_specimen(Slab(tuple(counts)), FiberField(), RigidMotion(), steps)
-    length, tolerance = total_length(0.04, edge_um, 0.1), 0.002 if edge_um > 15.0 else 0.03
+    fiber, tolerance = Fiber(modulus_MPa=10.0, nonlinearity=2.5, radius_um=0.1), 0.002 if edge_um > 15.0 else 0.03
     start = time.process_time()
     made = [
-        delaunay_network(H, length, network_seed(2021, "tissue", k), tolerance)
+        delaunay(H, fiber, 0.04, edge_um, network_seed(2021, "tissue", k), tolerance)
         for k, H in enumerate(specimen.structure_tensor[:distinct])
     ]
     networks = [made[k % len(made)] for k in range(len(specimen.structure_tensor))]
     generated = time.process_time() - start
-    fibers = FiberNetworks.of(networks, ExponentialFiber(2.5), stress_scale(10.0, 0.1, edge_um), threads)
+    clock = Clock()
+    fibers = FiberNetworks.of(networks, threads, clock=clock)
     stepper = LoadStepper.of(specimen.mesh, Mixture((NeoHookean(0.025, 0.417), fibers)), specimen.prescribed)
     # Rest and its rates, and all compilation, before the clock starts.
     stepper.assembly.evaluate(np.zeros_like(specimen.mesh.node_position), stepper.assembly.split(None))
-    if meter is not None:
-        meter.seconds.clear()
-        meter.calls.clear()
+    clock.seconds.clear()
     start = time.process_time()
     solution = stepper.follow(specimen.prescribed.values)
     seconds = time.process_time() - start
@@ -95,13 +65,10 @@ def run(counts, edge_um: float, steps: int, threads: int, meter: Meter | None = 
         f"{solution.newton_iterations.mean():.2f} a step; cuts {state.cuts.sum()}, indefinite Hessians "
         f"{state.indefinite.sum()}, macroscopic cuts {solution.cuts.sum()}"
     )
-    if meter is not None:
-        iterations = 8 * meter.calls["pull"]
-        for part, places in PARTS.items():
-            spent = sum(meter.seconds[name] for _, name in places)
-            print(f"  {part}: {1e3 * spent / iterations:.4f} ms a network iteration, {spent / seconds:.0%} of all")
-        factors = meter.calls["factorize"] / meter.calls["pull"]
-        print(f"  all else: {1.0 - sum(meter.seconds.values()) / seconds:.0%}; {factors:.2f} factors an iteration")
+    for part, spent in clock.seconds.items():
+        print(
+            f"  {part}: {1e3 * spent / state.iterations.sum():.4f} ms a network iteration, {spent / seconds:.0%} of all"
+        )
     return 1e3 * seconds / points
 
 
@@ -120,7 +87,7 @@ def main() -> None:
             "ms a Gauss point and step over that of 112 hexahedra: " + ", ".join(f"{c / costs[0]:.2f}" for c in costs)
         )
     else:
-        run(chosen.elements, chosen.edge, chosen.steps, chosen.threads, Meter())
+        run(chosen.elements, chosen.edge, chosen.steps, chosen.threads)
     print(
         f"{platform.processor() or platform.machine()}, Python {platform.python_version()}, "
         + ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "numba"))

@@ -5,22 +5,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fibers import exponential
 from small_study import Study
 from workflow_runs import snakemake
 
 from fibrous.networks.engine import Engine
-from fibrous.networks.fiber_law import ExponentialFiber
-from fibrous.networks.generation import delaunay_network, network_seed
-from fibrous.networks.guard import EquilibriumSolver
-from fibrous.networks.network import Network, total_length
+from fibrous.networks.generation import delaunay, network_seed
+from fibrous.networks.guard import EquilibriumSolver, Limits
+from fibrous.networks.network import Network
 
 
 def small_network(
     seed: int = 0, H: tuple[float, float, float] = (0.6, 0.25, 0.15), edge_length_um: float = 10.0
 ) -> Network:
     """A Delaunay network of the study's constants in a smaller cube."""
-    length = total_length(0.04, edge_length_um, 0.1)
-    return delaunay_network(np.diag(H), length, network_seed(7, "test", seed), tolerance=0.01)
+    return delaunay(H, exponential(2.5), 0.04, edge_length_um, network_seed(7, "test", seed), tolerance=0.01)
 
 
 @pytest.fixture(scope="session")
@@ -30,24 +29,24 @@ def network() -> Network:
 
 @pytest.fixture(scope="session")
 def solver(network) -> EquilibriumSolver:
-    return EquilibriumSolver.of(network, ExponentialFiber(2.5))
+    return EquilibriumSolver.of(network, exponential(2.5))
 
 
 @pytest.fixture(scope="session")
 def engine(network) -> Engine:
-    return Engine.of(network, ExponentialFiber(2.5))
+    return Engine.of(network, exponential(2.5))
 
 
 @pytest.fixture(scope="session")
 def tight_engine(network) -> Engine:
     """Converged to rounding, for comparisons with differences of the stress."""
-    return Engine.of(network, ExponentialFiber(2.5), residual_tolerance=1e-14)
+    return Engine.of(network, exponential(2.5), Limits(residual_tolerance=1e-14))
 
 
 @pytest.fixture(scope="session")
 def tight_solver(network) -> EquilibriumSolver:
     """Converged to rounding, for comparisons with differences of the stress."""
-    return EquilibriumSolver.of(network, ExponentialFiber(2.5), residual_tolerance=1e-14)
+    return EquilibriumSolver.of(network, exponential(2.5), Limits(residual_tolerance=1e-14))
 
 
 @pytest.fixture(scope="session")

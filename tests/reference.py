@@ -4,8 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from fibrous.networks.geometry import structure_tensor
 from fibrous.networks.guard import EquilibriumSolver, State
-from fibrous.networks.network import structure_tensor
 
 
 def respond(solver: EquilibriumSolver, gradients: np.ndarray, scale: float) -> SimpleNamespace:

@@ -12,11 +12,10 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from fibrous.networks.network import Network
+from fibrous.networks.network import Network, unpacked
 from fibrous.specimen import FiberField, RigidMotion, Slab, Specimen, synthetic_specimen
 from fibrous_study import datasets, plan
 from fibrous_study.configuration import loaded
-from fibrous_study.loading import unpacked
 from fibrous_study.stages import STAGES, stage_params
 
 ELEMENTS = 12

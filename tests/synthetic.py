@@ -40,11 +40,8 @@ LOST_LOAD = "xz_shear"
 
 def params(figure: int | str, **config: Any) -> dict[str, Any]:
     name = figure if isinstance(figure, str) else f"figure_{figure}"
-    return {
-        "stage": f"fibrous_study.figures.figure_{name.removeprefix('figure_')}",
-        "config": config,
-        "code_hash": "0" * 16,
-    }
+    stage = f"fibrous_study.figures.figure_{name.removeprefix('figure_')}"
+    return {"stage": stage, "config": config, "code_hash": "0" * 16}
 
 
 def structure_tensors() -> np.ndarray:

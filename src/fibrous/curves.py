@@ -7,18 +7,38 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
+import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from fibrous.deformation import averaged_stretch
 from fibrous.errors import FitError
 
 Array = NDArray[np.float64]
-# Leading axes of what has no value in every state, and what is a tensor.
-AXES = {"numbers": 1, "names": 1, "structure_tensor": 1, "amplitude_limited": 2}
-TENSORS = ("structure_tensor", "deformation_gradient", "cauchy_stress", "first_piola_kirchhoff_stress")
+STATES = ("network", "deformation", "step")
+TENSORS = (*STATES, "axis", "axis_b")
+#: Dimensions and unit of what curves hold, as in their datasets.
+VARIABLES: dict[str, tuple[tuple[str, ...], str]] = {
+    "deformation_gradient": (TENSORS, "1"),
+    "magnitude": (STATES, "1"),
+    "averaged_stretch": (STATES, "1"),
+    "strain_energy_density": (STATES, "MPa"),
+    "cauchy_stress": (TENSORS, "MPa"),
+    "first_piola_kirchhoff_stress": (TENSORS, "MPa"),
+    "largest_orientation_eigenvalue": (STATES, "1"),
+    "newton_iterations": (STATES, "1"),
+    "cuts": (STATES, "1"),
+    "converged": (STATES, "1"),
+    "amplitude_limited": (STATES[:2], "1"),
+    "structure_tensor": (("network", "axis", "axis_b"), "1"),
+    "name": (("network",), "1"),
+}
+#: Variables that are NaN where `converged` is not set, whatever a dataset holds there.
+OF_EQUILIBRIA = (
+    "strain_energy_density", "cauchy_stress", "first_piola_kirchhoff_stress", "largest_orientation_eigenvalue",
+)  # fmt: skip
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Curves:
     """Networks under the loads of one protocol; step 0 is rest, and a state without an equilibrium holds NaN.
 
@@ -50,13 +70,14 @@ class Curves:
     amplitude_limited: NDArray[np.bool_]
 
     def __post_init__(self) -> None:
-        states = (len(self.names), len(self.loads), self.strain_energy_density.shape[-1])
+        sizes = dict(zip(STATES, (len(self.names), len(self.loads), self.strain_energy_density.shape[-1]), strict=True))
         for name, array in _arrays(self).items():
-            shape = (*states[: AXES.get(name, 3)], *(3, 3) * (name in TENSORS))
-            if array.shape != shape or states[1] < 1 or states[2] < 2:
+            dims = VARIABLES[name][0] if name in VARIABLES else ("network",)
+            shape = tuple(sizes.get(dim, 3) for dim in dims)
+            if array.shape != shape or sizes["deformation"] < 1 or sizes["step"] < 2:
                 raise FitError(
-                    f"curves of {states[0]} networks, {states[1]} loads (one at least) and {states[2]} states (two at "
-                    f"least) need {name} of shape {shape}, not {array.shape}"
+                    f"curves of {sizes['network']} networks, {sizes['deformation']} loads (one at least) and "
+                    f"{sizes['step']} states (two at least) need {name} of shape {shape}, not {array.shape}"
                 )
         finite = np.asarray(np.isfinite(self.deformation_gradient).all(axis=(-1, -2)))
         determinants = np.linalg.det(np.where(finite[..., None, None], self.deformation_gradient, 0.0))
@@ -91,6 +112,42 @@ class Curves:
         )
 
     @classmethod
+    def from_dataset(cls, dataset: xr.Dataset) -> Self:
+        """What `Network.load` returned, or several of that along the dimension `network`.
+
+        Raises FitError where that is no curve.
+        """
+        if "network" not in dataset.dims:
+            dataset = dataset.expand_dims(network=[0]).assign(name=("network", [""]))
+        try:
+            arrays = {name: dataset[name] for name in cls.__dataclass_fields__ if name in VARIABLES}
+            arrays |= {name: arrays[name].where(dataset["converged"]) for name in OF_EQUILIBRIA}
+        except KeyError as error:
+            raise FitError(f"the dataset holds no curves: it lacks the variable {error}") from None
+        return cls(
+            dataset["network"].values,
+            dataset["name"].values.astype(str),
+            tuple(str(load) for load in dataset["deformation"].values),
+            **{name: array.values for name, array in arrays.items()},
+        )
+
+    @property
+    def dataset(self) -> xr.Dataset:
+        """All of it with dimensions and units, the averaged stretch and the states that are equilibria among it."""
+        arrays = {name: getattr(self, name) for name in VARIABLES if name != "name"}
+        arrays["name"] = self.names.astype(object)
+        steps = np.arange(self.magnitude.shape[-1])
+        coords = {"network": self.numbers, "deformation": np.array(self.loads, dtype=object), "step": steps}
+        variables = {name: (VARIABLES[name][0], array, {"units": VARIABLES[name][1]}) for name, array in arrays.items()}
+        return xr.Dataset(variables, coords)
+
+    def __repr__(self) -> str:
+        """How much it holds, in a line."""
+        networks, loads, states = self.magnitude.shape
+        failed = int((~self.converged).sum())
+        return f"<Curves: {networks} networks, {loads} loads, {states} states, {failed} without an equilibrium>"
+
+    @classmethod
     def joined(cls, parts: Sequence[Curves]) -> Self:
         """All networks of curves under the same loads, one after the other."""
         arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _arrays(parts[0])}
@@ -116,7 +173,11 @@ class Curves:
     def under(self, loads: Sequence[str]) -> Self:
         """The same networks under some of the loads, in the order asked for."""
         columns = [self.loads.index(load) for load in loads]
-        arrays = {name: array[:, columns] for name, array in _arrays(self).items() if AXES.get(name) != 1}
+        arrays = {
+            name: getattr(self, name)[:, columns]
+            for name, (dims, _) in VARIABLES.items()
+            if "deformation" in dims and name in _arrays(self)
+        }
         return replace(self, loads=tuple(loads), **arrays)
 
     @property
@@ -147,7 +208,7 @@ class Curves:
         return np.asarray(np.where(ends > 1.0, ends, np.inf).min(axis=1))
 
     def energies_at(self, stretch: ArrayLike) -> Array:
-        """W of every load at averaged stretches within `reach`, one for all or one a network; (networks, loads), MPa.
+        """W of every load at averaged stretches within `reach`, one for all or one per network; (networks, loads), MPa.
 
         Between states W is interpolated over λ_f, from where λ_f is least on: a load of a network aligned across it
         shortens the mean fibre first. NaN of a load that ends with the mean fibre shortened.

@@ -1,11 +1,12 @@
-"""Deformation gradients of the study's loads, and the stretches that follow from them (sections 2.1, 2.3, 2.6).
+"""Deformation gradients of loads, and the stretches that follow from them (sections 2.1, 2.3, 2.6).
 
 Axis indices are 0, 1, 2 for x, y, z; F maps reference to deformed, ``F[i, J] = ∂x_i/∂X_J``.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Literal, cast
 
 import numpy as np
@@ -152,21 +153,67 @@ def straight_path(end: Array, steps: int) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True)
-class LoadEnd:
-    """What a protocol says of one load: how it is called and where it ends.
+class LoadCase:
+    """A load and where it ends.
 
-    One called as `Load.parse` reads it ends at `magnitude`, or where that is None at the averaged stretch that the
-    protocol's first load reaches. Any other name needs a `gradient`, F at its end, shape (3, 3).
+    Parameters
+    ----------
+    name : of a load that `Load.parse` reads, or any other with a `gradient`
+    magnitude : at the end; None to end at the averaged stretch that the first load case reaches
+    gradient : F at the end, shape (3, 3), which grows linearly from rest, or F at every step, shape (steps + 1, 3, 3)
+
+    Raises LoadError for a name that is unknown and has no gradient, a magnitude below 0, and a gradient that is not
+    finite or whose determinant is not positive.
     """
 
     name: str
     magnitude: float | None = None
-    gradient: Array | None = None
+    gradient: Array | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.gradient is None:
+            Load.parse(self.name)
+            if self.magnitude is not None and not 0.0 <= self.magnitude < np.inf:
+                raise LoadError(f"load '{self.name}' has the magnitude {self.magnitude}; it must be at least 0")
+            return
+        gradient = np.asarray(self.gradient, dtype=float)
+        object.__setattr__(self, "gradient", gradient)
+        if gradient.ndim not in (2, 3) or gradient.shape[-2:] != (3, 3):
+            raise LoadError(f"load '{self.name}': F has shape {gradient.shape}; it must be (3, 3) or (steps + 1, 3, 3)")
+
+    def path(self, structure_tensor: Array, steps: int, target: float | None, largest_stretch: float) -> LoadPath:
+        """The way to its end, where that follows from a structure tensor and the averaged stretch `target`."""
+        if self.gradient is not None:
+            if self.gradient.ndim == 2:
+                return LoadPath(self.name, *straight_path(self.gradient, steps), amplitude_limited=False)
+            if len(self.gradient) != steps + 1:
+                raise LoadError(f"load '{self.name}' gives F at {len(self.gradient)} steps, not at {steps + 1}")
+            return LoadPath(self.name, np.linspace(0.0, 1.0, steps + 1), self.gradient, amplitude_limited=False)
+        load, end, limited = Load.parse(self.name), self.magnitude, False
+        if end is None:
+            if target is None:
+                raise LoadError(f"load '{self.name}' comes first, so it needs a magnitude for the others to match")
+            end, limited = matching_magnitude(load, structure_tensor, target, largest_stretch)
+        return LoadPath(self.name, *load_path(load, end, steps), limited)
+
+
+def loads(ends: Mapping[str, float | ArrayLike | None]) -> tuple[LoadCase, ...]:
+    """Load cases by their names, each with its magnitude, its F (see `LoadCase`), or None to match the first.
+
+    Raises LoadError as `LoadCase` does.
+
+    >>> loads({"x_uniaxial": 1.3, "xy_shear": None})
+    (LoadCase(name='x_uniaxial', magnitude=1.3), LoadCase(name='xy_shear', magnitude=None))
+    """
+    return tuple(
+        LoadCase(name, end) if end is None or isinstance(end, int | float) else LoadCase(name, gradient=np.asarray(end))
+        for name, end in ends.items()
+    )
 
 
 @dataclass(frozen=True)
 class LoadPath:
-    """A load made definite for one network.
+    """A load case made definite for one network.
 
     magnitudes : shape (steps + 1,); gradients : F, shape (steps + 1, 3, 3)
     amplitude_limited : whether the load ends at the limit of the principal stretch
@@ -178,25 +225,18 @@ class LoadPath:
     amplitude_limited: bool
 
 
-def load_paths(loads: list[LoadEnd], structure_tensor: Array, steps: int, limit: float) -> list[LoadPath]:
-    """The loads of a protocol for a network of structure tensor H, shape (3, 3) (sections 2.3 and 2.6).
+def load_paths(
+    cases: Sequence[LoadCase], structure_tensor: Array, steps: int, largest_stretch: float
+) -> list[LoadPath]:
+    """The load cases for a network of structure tensor H, shape (3, 3) (sections 2.3 and 2.6).
 
     Magnitudes grow linearly over the steps. A load whose end follows from the first one's is cut where F stretches a
-    line by `limit`. Raises LoadError for an unknown load or one that cannot reach the averaged stretch.
+    line by `largest_stretch`. Raises LoadError for one that cannot reach the averaged stretch.
     """
-    target, paths = None, []
-    for entry in loads:
-        limited = False
-        if entry.gradient is not None:
-            magnitudes, gradients = straight_path(entry.gradient, steps)
-        else:
-            load, end = Load.parse(entry.name), entry.magnitude
-            if end is None and target is None:
-                raise LoadError(f"load '{entry.name}' comes first, so it needs a magnitude for the others to match")
-            if end is None:
-                end, limited = matching_magnitude(load, structure_tensor, cast(float, target), limit)
-            magnitudes, gradients = load_path(load, end, steps)
+    paths: list[LoadPath] = []
+    target = None
+    for case in cases:
+        paths.append(case.path(structure_tensor, steps, target, largest_stretch))
         if target is None:
-            target = float(averaged_stretch(gradients[-1], structure_tensor))
-        paths.append(LoadPath(entry.name, magnitudes, gradients, limited))
+            target = float(averaged_stretch(paths[0].gradients[-1], structure_tensor))
     return paths

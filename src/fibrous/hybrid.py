@@ -16,19 +16,12 @@ from numpy.typing import NDArray
 from fibrous.curves import Curves
 from fibrous.fe.solver import LoadStepError, LoadStepper, Solution
 from fibrous.fitting.hgo import HGOFit
-from fibrous.networks.engine import Engine, PathState
+from fibrous.networks.engine import PathState
+from fibrous.networks.guard import LIMITS, Limits
 from fibrous.networks.lanes import LANES
+from fibrous.networks.network import Network
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class FollowedNetwork:
-    """A network's engine, H, shape (3, 3), and what its forces in kA are as stresses, MPa."""
-
-    engine: Engine
-    structure_tensor: Array
-    stress_scale_MPa: float
 
 
 @dataclass(frozen=True)
@@ -63,15 +56,18 @@ class LaggedRefit:
     stepper_of : the finite elements with constants C2 (MPa) and C3, shape (elements,)
     networks : of the elements, in their order
     fit : constants from the one curve of a network
+    limits : of the search for the networks' equilibria
     """
 
     def __init__(
         self,
         stepper_of: Callable[[Array, Array], LoadStepper],
-        networks: Sequence[FollowedNetwork],
+        networks: Sequence[Network],
         fit: Callable[[Curves], HGOFit],
+        limits: Limits = LIMITS,
     ) -> None:
         self.stepper_of, self.networks, self.fit = stepper_of, networks, fit
+        self.engines = [network.engine(limits) for network in networks]
 
     def follow(self, targets: Array, C2: Array, C3: Array, repetitions: int) -> LaggedSolution:
         """Equilibria at prescribed values, shape (steps, prescribed), mm, from initial constants, shape (elements,).
@@ -119,8 +115,8 @@ class LaggedRefit:
         """States of the networks under their elements' average F; one that is lost waits at the state before."""
         gradients = part.deformation_gradient[0].mean(axis=1)
         states = list(before)
-        for k, (network, gradient) in enumerate(zip(self.networks, gradients, strict=True)):
-            engine, scale = network.engine, network.stress_scale_MPa
+        for k, (engine, gradient) in enumerate(zip(self.engines, gradients, strict=True)):
+            scale = self.networks[k].stress_unit_MPa
             start = before[k] or engine.rest()
             state = engine.advance(start, np.repeat(gradient[..., None], LANES, axis=-1))
             record.gradient[step + 1, k] = gradient
@@ -148,7 +144,7 @@ class _Record:
         self.gradient = np.tile(np.eye(3), (steps + 1, networks, 1, 1))
         self.energy, self.stress = np.zeros((steps + 1, networks)), np.zeros((steps + 1, networks, 3, 3))
 
-    def curve(self, k: int, step: int, network: FollowedNetwork) -> Curves:
+    def curve(self, k: int, step: int, network: Network) -> Curves:
         """The curve of network `k` up to a load step, itself included."""
         upto = slice(0, step + 2)
         F, energy, stress = (array[None, upto, k] for array in (self.gradient, self.energy, self.stress))

@@ -17,6 +17,7 @@ import jsonschema
 import yaml
 
 from fibrous.errors import ConfigError
+from fibrous.networks import GENERATORS
 from fibrous_study.contradictions import contradictions
 
 Config = dict[str, Any]
@@ -50,7 +51,9 @@ def validated(config: Mapping[str, Any]) -> Config:
 def schema_of_config() -> dict[str, Any]:
     """The JSON schema of the config. Raises ConfigError where the package does not lie in its checkout."""
     try:
-        return yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))
+        schema = yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))
+        schema["properties"]["network"]["enum"] = [*GENERATORS, "file"]
+        return schema
     except OSError:
         raise ConfigError(
             f"{SCHEMA}: no such file; install the package from its checkout with pip install -e"

@@ -57,7 +57,8 @@ def _files(config: Config) -> Iterator[str]:
     if plan.own_networks(config) and not entries:
         yield "network_files is empty, must name your networks for network: file"
     if not plan.own_networks(config) and entries:
-        yield "network_files names files, but network is delaunay; write network: file or leave the list empty"
+        kind = config["network"]
+        yield f"network_files names files, but network is {kind}; write network: file or leave the list empty"
     for i, entry in enumerate(entries):
         given = set(entry) - {"name"}
         if given not in ({"nodes", "fibers"}, {"file"}):

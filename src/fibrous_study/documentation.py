@@ -143,7 +143,7 @@ TABLES: dict[str, dict[str, tuple[str, str]]] = {
         "run": ("", "a run with networks"),
         "part": (
             "",
-            "networks' `assembly`, `factorisation` and `condensation`, the `macroscopic solve`, or the rest",
+            "networks' `equilibrium` and `condensation`, the `macroscopic solve`, or the rest",
         ),
         "cpu_seconds": ("s", "CPU seconds spent there"),
         "share": ("1", "share of the whole process"),

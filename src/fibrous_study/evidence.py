@@ -31,7 +31,7 @@ FIT_COLUMNS = (
     "C3", "r_squared",
 )  # fmt: skip
 SURFACES = {"C2": "C2", "C3": "C3_eight"}  # the terms that the paper prints
-NETWORK_PARTS = ("assembly", "factorisation", "condensation")
+NETWORK_PARTS = ("equilibrium", "condensation")
 
 
 def gathered(inputs: Mapping[str, list[Path]], config: Mapping[str, Any]) -> Evidence:

@@ -1,124 +1,76 @@
-"""What the rules that load networks share: networks from their file, with engine, scale and load paths."""
+"""What the rules that load networks share: networks from their files, and the loads and limits of the config."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from fibrous.curves import Curves
-from fibrous.deformation import LoadEnd, LoadPath, load_paths
+from fibrous.deformation import LoadCase, loads
 from fibrous.errors import DatasetError, naming
-from fibrous.networks.engine import Engine
-from fibrous.networks.fiber_law import ExponentialFiber
-from fibrous.networks.network import Network
-from fibrous.networks.path import follow, stress_scale
+from fibrous.networks.fiber_law import Fiber
+from fibrous.networks.guard import Limits
+from fibrous.networks.network import Network, unpacked
 from fibrous_study import datasets
-
-# Fields of curves that come from the engine.
-ANSWERED = (
-    "strain_energy_density", "cauchy_stress", "first_piola_kirchhoff_stress", "largest_orientation_eigenvalue",
-    "newton_iterations", "cuts",
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
-class LoadedNetwork:
-    """One network of a file, ready to be loaded along the paths of a protocol."""
+class Member:
+    """A network with its number and name in an ensemble."""
 
     number: int
     name: str
-    structure_tensor: np.ndarray
-    engine: Engine
-    stress_scale_MPa: float
-    paths: list[LoadPath]
+    network: Network
 
     def __str__(self) -> str:
         return f"network {self.number} {self.name}".rstrip()
 
-    def answers(self) -> Curves:
-        """What it answers along its paths, all of one length. Raises NetworkError for a mechanism at rest."""
-        gradients = np.array([path.gradients for path in self.paths])
-        response = follow(self.engine, gradients, self.stress_scale_MPa)
-        return Curves(
-            numbers=np.array([self.number]),
-            names=np.array([self.name]),
-            loads=tuple(path.name for path in self.paths),
-            structure_tensor=self.structure_tensor[None],
-            deformation_gradient=gradients[None],
-            magnitude=np.array([[path.magnitudes for path in self.paths]]),
-            amplitude_limited=np.array([[path.amplitude_limited for path in self.paths]]),
-            **{name: getattr(response, name)[None] for name in ANSWERED},
-        )
+    def answers(self, cases: Sequence[LoadCase], steps: int, largest_stretch: float, limits: Limits) -> Curves:
+        """What it answers to load cases, under its number and name. Raises LoadError or NetworkError, naming it."""
+        with naming(str(self)):
+            curves = Curves.from_dataset(self.network.load(cases, steps, largest_stretch, limits))
+        return replace(curves, numbers=np.array([self.number]), names=np.array([self.name]))
 
 
-# Paths of a network, by its number and its structure tensor, shape (3, 3).
-PathsOf = Callable[[int, np.ndarray], list[LoadPath]]
+def members_of(paths: Sequence[Path]) -> Iterator[Member]:
+    """The networks of files, one after the other. Raises DatasetError or NetworkError, naming the file."""
+    for path in paths:
+        dataset = datasets.read(path, "networks")
+        with naming(str(path)):
+            networks = unpacked(dataset)
+        for number, name, network in zip(dataset["network"].values, dataset["name"].values, networks, strict=True):
+            yield Member(int(number), str(name), network)
 
 
-def protocol_paths(config: Mapping[str, Any]) -> PathsOf:
-    """The loads of ``config["protocol"]``, ended for each network."""
-    protocol = config["protocol"]
-    loads = [
-        LoadEnd(entry["load"], entry.get("magnitude"), _gradient(entry.get("deformation_gradient")))
-        for entry in protocol["loads"]
-    ]
-    return lambda _, tensor: load_paths(loads, tensor, protocol["steps"], config["principal_stretch_limit"])
+def member_called(path: Path, name: str) -> Member:
+    """The one network of that name in a file. Raises DatasetError where none or several have it."""
+    found = [member for member in members_of([path]) if member.name == name]
+    if len(found) != 1:
+        raise DatasetError(f"{path}: holds {len(found)} networks named '{name}', not one; see `named` in the config")
+    return found[0]
 
 
-def _gradient(rows: list[list[float]] | None) -> np.ndarray | None:
-    return None if rows is None else np.array(rows)
+def networks_of(paths: Sequence[Path], numbers: Sequence[int]) -> list[Network]:
+    """The networks of these numbers, in their order. Raises DatasetError where one is missing."""
+    networks = {member.number: member.network for member in members_of(paths)}
+    missing = [number for number in numbers if number not in networks]
+    if missing:
+        raise DatasetError(f"{paths[0].parent}: lacks network {missing[0]}; delete the folder and run again")
+    return [networks[number] for number in numbers]
 
 
-def loaded_networks(path: Path, limits: Mapping[str, Any], paths_of: PathsOf) -> Iterator[LoadedNetwork]:
-    """The networks of a file one after the other, with paths and the `limits` of the engine.
-
-    Raises DatasetError, NetworkError or LoadError.
-    """
-    dataset = datasets.read(path, "networks")
-    law, scale = fiber_law(dataset), scale_of(dataset)
-    with naming(str(path)):
-        networks = unpacked(dataset)
-    for index, network in enumerate(networks):
-        number, name = int(dataset["network"].values[index]), str(dataset["name"].values[index])
-        tensor = dataset["structure_tensor"].values[index]
-        with naming(f"network {number} {name}".rstrip()):
-            paths = paths_of(number, tensor)
-        yield LoadedNetwork(number, name, tensor, Engine.of(network, law, **limits), scale, paths)
-
-
-def fiber_law(dataset: xr.Dataset) -> ExponentialFiber:
-    """The law of the fibres of a dataset of the kind `networks`."""
-    beyond = float(dataset.attrs["fiber_linear_beyond_stretch"])
-    return ExponentialFiber(float(dataset.attrs["fiber_nonlinearity"]), np.inf if np.isnan(beyond) else beyond)
-
-
-def scale_of(dataset: xr.Dataset) -> float:
-    """What its forces in kA are as stresses, MPa."""
-    names = ("fiber_modulus_MPa", "fiber_radius_um", "edge_length_um")
-    return stress_scale(*(float(dataset.attrs[name]) for name in names))
-
-
-def unpacked(dataset: xr.Dataset) -> list[Network]:
-    """The networks of a dataset of the kind `networks`, in its order.
-
-    Raises DatasetError where its counts do not add up.
-    """
-    for count, rows in (("node_count", "node"), ("fiber_count", "fiber")):
-        if int(dataset[count].sum()) != dataset.sizes[rows]:
-            raise DatasetError(
-                f"'{count}' adds up to {int(dataset[count].sum())} where there are {dataset.sizes[rows]} rows"
-            )
-    nodes = np.cumsum(dataset["node_count"].values)[:-1]
-    fibers = np.cumsum(dataset["fiber_count"].values)[:-1]
-    parts = zip(
-        np.split(dataset["node_position"].values, nodes),
-        np.split(dataset["node_is_boundary"].values, nodes),
-        np.split(dataset["fiber_nodes"].values, fibers),
-        strict=True,
+def protocol_loads(protocol: Mapping[str, Any]) -> tuple[LoadCase, ...]:
+    """The load cases of a protocol of the config."""
+    return loads(
+        {entry["load"]: entry.get("deformation_gradient", entry.get("magnitude")) for entry in protocol["loads"]}
     )
-    return [Network(*part) for part in parts]
+
+
+def fiber_of(config: Mapping[str, Any]) -> Fiber:
+    """The fibres of the config."""
+    numbers = {key: np.inf if value is None else value for key, value in config["fiber"].items()}
+    return Fiber(**numbers)

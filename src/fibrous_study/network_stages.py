@@ -62,7 +62,7 @@ def _alignments(config: Config) -> dict[str, Any]:
 
 def _networks_config(config: Config, wildcards: Wildcards) -> dict[str, Any]:
     ensemble, batch = wildcards["ensemble"], int(wildcards["batch"])
-    part: dict[str, Any] = {"ensemble": ensemble, "fiber": config["fiber"]}
+    part: dict[str, Any] = {"ensemble": ensemble, "network": config["network"], "fiber": config["fiber"]}
     if ensemble == "tissue":
         # How many networks there are is only known to who reads the specimen.
         batches = {"batch": batch, "batches": plan.parts(config, ensemble)}

@@ -13,6 +13,7 @@ from typing import Any
 import pandas as pd
 
 from fibrous.errors import ConfigError
+from fibrous.networks import GENERATORS
 from fibrous.specimen import SYNTHETIC
 
 Config = Mapping[str, Any]
@@ -68,7 +69,10 @@ class Run:
 
 def own_networks(config: Config) -> bool:
     """Whether the networks are a user's own. Raises ConfigError for a kind that nobody knows."""
-    return _is_second(config["network"], "network", "delaunay", "file")
+    kind = config["network"]
+    if kind not in (*GENERATORS, "file"):
+        raise ConfigError(f"network is '{kind}', must be {', '.join(GENERATORS)} or file")
+    return bool(kind == "file")
 
 
 def own_specimen(config: Config) -> bool:

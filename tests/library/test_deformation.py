@@ -5,10 +5,11 @@ import pytest
 
 from fibrous.deformation import (
     Load,
-    LoadEnd,
+    LoadCase,
     averaged_stretch,
     largest_principal_stretch,
     load_paths,
+    loads,
     matching_magnitude,
 )
 from fibrous.errors import LoadError
@@ -100,14 +101,17 @@ def test_matching_takes_the_crossing_that_stays_above():
 
 
 def test_a_load_that_would_stretch_too_far_ends_at_the_limit():
-    paths = load_paths([LoadEnd("x_uniaxial", 1.8), LoadEnd("yz_shear")], np.diag([0.80, 0.05, 0.15]), 20, 3.5)
+    paths = load_paths([LoadCase("x_uniaxial", 1.8), LoadCase("yz_shear")], np.diag([0.80, 0.05, 0.15]), 20, 3.5)
     assert [path.amplitude_limited for path in paths] == [False, True]
     assert largest_principal_stretch(paths[1].gradients)[-1] == pytest.approx(3.5, rel=1e-12)
 
 
 def test_paths_grow_linearly_and_end_at_one_averaged_stretch():
     paths = load_paths(
-        [LoadEnd("x_uniaxial", 1.8), LoadEnd("xy_biaxial"), LoadEnd("xz_shear"), LoadEnd("xy_shear", 0.15)], H, 20, 3.5
+        [LoadCase("x_uniaxial", 1.8), LoadCase("xy_biaxial"), LoadCase("xz_shear"), LoadCase("xy_shear", 0.15)],
+        H,
+        20,
+        3.5,
     )
     ends = [averaged_stretch(path.gradients[-1], H) for path in paths]
     np.testing.assert_allclose(ends[:3], ends[0], rtol=1e-12)
@@ -119,6 +123,34 @@ def test_paths_grow_linearly_and_end_at_one_averaged_stretch():
 
 def test_a_load_that_never_reaches_the_target_is_refused():
     with pytest.raises(LoadError, match="never has the averaged stretch"):
-        load_paths([LoadEnd("x_uniaxial", 0.9), LoadEnd("xy_shear")], np.diag([0.6, 0.3, 0.1]), 5, 3.5)
+        load_paths([LoadCase("x_uniaxial", 0.9), LoadCase("xy_shear")], np.diag([0.6, 0.3, 0.1]), 5, 3.5)
     with pytest.raises(LoadError, match="needs a magnitude"):
-        load_paths([LoadEnd("x_uniaxial")], H, 5, 3.5)
+        load_paths([LoadCase("x_uniaxial")], H, 5, 3.5)
+
+
+def test_own_gradients_are_ends_or_paths():
+    path = np.eye(3) + np.linspace(0.0, 1.0, 3)[:, None, None] ** 2 * np.diag([0.2, 0.0, -0.1])
+    straight, curved = load_paths(loads({"mine": path[-1], "bent": path}), H, 2, 3.5)
+    np.testing.assert_allclose(
+        straight.gradients, np.eye(3) + np.array([0.0, 0.5, 1.0])[:, None, None] * (path[-1] - np.eye(3))
+    )
+    np.testing.assert_array_equal(curved.gradients, path)
+    for made in (straight, curved):
+        np.testing.assert_array_equal(made.magnitudes, [0.0, 0.5, 1.0])
+        assert not made.amplitude_limited
+
+
+@pytest.mark.parametrize(
+    ("ends", "text"),
+    [
+        ({"mine": 1.2}, "load 'mine' is unknown"),
+        ({"x_uniaxial": -1.2}, "it must be at least 0"),
+        ({"x_uniaxial": np.nan}, "it must be at least 0"),
+        ({"mine": np.eye(2)}, r"it must be \(3, 3\)"),
+    ],
+)
+def test_a_load_that_is_none_is_refused(ends, text):
+    with pytest.raises(LoadError, match=text):
+        loads(ends)
+    with pytest.raises(LoadError, match="at 3 steps, not at 6"):
+        load_paths(loads({"mine": np.broadcast_to(np.eye(3), (3, 3, 3))}), H, 5, 3.5)

@@ -4,6 +4,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from fibers import exponential
 from scipy.spatial import Delaunay, cKDTree
 from scipy.special import elliprg
 
@@ -11,15 +12,16 @@ from fibrous.errors import NetworkError
 from fibrous.networks import generation
 from fibrous.networks.generation import (
     alignment_targets,
-    delaunay_network,
+    delaunay,
     expected_structure_tensor,
     network_seed,
     stretch_tensor_for,
     stretches_for,
 )
-from fibrous.networks.network import connected_to_boundary, structure_tensor, total_length, volume_fraction
+from fibrous.networks.geometry import connected_to_boundary, structure_tensor
 
-LENGTH = total_length(0.04, 20.0, 0.1)
+FIBER = exponential(2.5)
+SIZE = 0.04, 20.0  # volume fraction, edge in µm
 
 
 def test_expected_alignment_is_the_logarithmic_slope_of_carlsons_integral():
@@ -56,19 +58,19 @@ def test_a_rotated_target_is_met_in_its_own_frame():
     np.testing.assert_allclose(
         stretch_tensor_for(target), R @ stretch_tensor_for(np.diag([0.69, 0.21, 0.10])) @ R.T, atol=1e-9
     )
-    network = delaunay_network(target, LENGTH, 5, 0.002)
-    np.testing.assert_allclose(structure_tensor(network.fiber_vectors), target, atol=0.002)
+    network = delaunay(target, FIBER, *SIZE, 5, 0.002)
+    np.testing.assert_allclose(network.structure_tensor, target, atol=0.002)
 
 
 @pytest.fixture(scope="module", params=[(0.69, 0.21, 0.10), (0.35, 0.32, 0.33), (0.36, 0.12, 0.52), (0.74, 0.14, 0.12)])
 def full(request):
-    return delaunay_network(np.diag(request.param), LENGTH, network_seed(1, "test", 3), 0.002), np.diag(request.param)
+    return delaunay(request.param, FIBER, *SIZE, network_seed(1, "test", 3), 0.002), np.diag(request.param)
 
 
 def test_alignment_and_volume_fraction_are_met(full):
     network, target = full
-    np.testing.assert_allclose(structure_tensor(network.fiber_vectors), target, atol=0.002)
-    assert volume_fraction(network, 20.0, 0.1) == pytest.approx(0.04, rel=1e-9)
+    np.testing.assert_allclose(network.structure_tensor, target, atol=0.002)
+    assert network.volume_fraction == pytest.approx(0.04, rel=1e-9)
 
 
 def test_size_and_coordination_are_those_of_the_laboratorys_networks(full):
@@ -190,7 +192,7 @@ def test_pieces_are_what_the_cube_holds_of_each_edge(rng, on_planes):
 
 
 def test_a_network_is_a_function_of_seed_and_number():
-    one, two = (delaunay_network(np.diag([0.6, 0.3, 0.1]), 127.0, network_seed(3, "e", 4), 0.01) for _ in range(2))
+    one, two = (delaunay((0.6, 0.3, 0.1), FIBER, 0.04, 10.0, network_seed(3, "e", 4), 0.01) for _ in range(2))
     np.testing.assert_array_equal(one.node_position, two.node_position)
     np.testing.assert_array_equal(one.fiber_nodes, two.fiber_nodes)
     seeds = {network_seed(s, e, k) for s in (3, 4) for e in ("delaunay", "named") for k in range(50)}
@@ -219,16 +221,21 @@ def test_targets_do_not_depend_on_how_many_are_asked_for():
 
 def test_what_cannot_be_generated_says_why():
     with pytest.raises(NetworkError, match="no cloud can be stretched"):
-        delaunay_network(np.diag([0.9, 0.2, -0.1]), LENGTH, 0, 0.01)
+        delaunay((0.9, 0.2, -0.1), FIBER, *SIZE, 0)
     with pytest.raises(NetworkError, match="fewer than four nodes"):
-        delaunay_network(np.eye(3) / 3.0, 5.0, 0, 0.01)
-    with pytest.raises(NetworkError, match="alignment_tolerance"):
-        delaunay_network(np.diag([0.6, 0.3, 0.1]), 60.0, 0, 1e-9)
+        delaunay(np.eye(3) / 3.0, FIBER, 0.04, 2.0, 0)
+    with pytest.raises(NetworkError, match="more than the tolerance"):
+        delaunay((0.6, 0.3, 0.1), FIBER, 0.04, 7.0, 0, 1e-9)
+    for H in ((0.6, 0.3, 0.2), (0.6, 0.4), np.full((3, 3), np.nan)):
+        with pytest.raises(NetworkError, match="three numbers of sum 1"):
+            delaunay(H, FIBER, *SIZE, 0)
+    with pytest.raises(NetworkError, match=r"volume_fraction is -0\.04"):
+        delaunay((0.6, 0.3, 0.1), FIBER, -0.04, 20.0, 0)
 
 
 @pytest.mark.parametrize("number", [98, 362, 675])
 def test_the_volume_fraction_is_exact_where_a_node_passes_the_plane_of_a_face(number):
     """Networks of the study in which the length inside the cube jumped with its size before outer nodes counted."""
     target = alignment_targets(np.array([number]), 2021, (0.33, 0.80), 0.05)[0]
-    network = delaunay_network(target, LENGTH, network_seed(2021, "delaunay", number), 0.002)
-    assert volume_fraction(network, 20.0, 0.1) == pytest.approx(0.04, rel=1e-9)
+    network = delaunay(target, FIBER, *SIZE, network_seed(2021, "delaunay", number), 0.002)
+    assert network.volume_fraction == pytest.approx(0.04, rel=1e-9)

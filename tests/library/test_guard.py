@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import small_network
+from fibers import exponential
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from fibrous.deformation import Load
 from fibrous.errors import ConvergenceError, NetworkError
 from fibrous.networks.banded import Assembly
-from fibrous.networks.fiber_law import ExponentialFiber
-from fibrous.networks.guard import EquilibriumSolver
-from fibrous.networks.network import Network
+from fibrous.networks.geometry import Geometry
+from fibrous.networks.guard import EquilibriumSolver, Limits
 
 LOADS = {"x_uniaxial": 1.5, "xz_biaxial": 1.3, "xy_shear": 0.8, "yz_shear": 1.2}
 
@@ -43,7 +43,7 @@ def random_point(assembly: Assembly, rng: np.random.Generator):
 
 
 def test_residual_is_the_gradient_of_the_energy(network, rng):
-    assembly = Assembly(network, ExponentialFiber(2.5))
+    assembly = Assembly(network, exponential(2.5))
     F, u, direction = random_point(assembly, rng)
     step = 1e-6
     up, down = (assembly.energy(assembly.evaluate(F, assembly.moved(u, s * step * direction))) for s in (1.0, -1.0))
@@ -51,7 +51,7 @@ def test_residual_is_the_gradient_of_the_energy(network, rng):
 
 
 def test_hessian_is_the_derivative_of_the_residual(network, rng):
-    assembly = Assembly(network, ExponentialFiber(2.5))
+    assembly = Assembly(network, exponential(2.5))
     F, u, direction = random_point(assembly, rng)
     step = 1e-7
     up, down = (assembly.evaluate(F, assembly.moved(u, s * step * direction)).residual for s in (1.0, -1.0))
@@ -60,7 +60,7 @@ def test_hessian_is_the_derivative_of_the_residual(network, rng):
 
 
 def test_stress_is_the_derivative_of_the_energy(network, rng):
-    assembly = Assembly(network, ExponentialFiber(2.5))
+    assembly = Assembly(network, exponential(2.5))
     F, u, _ = random_point(assembly, rng)
     direction = rng.normal(size=(3, 3))
     step = 1e-6
@@ -70,7 +70,7 @@ def test_stress_is_the_derivative_of_the_energy(network, rng):
 
 
 def test_leaving_out_negative_tension_makes_the_hessian_semidefinite_and_touches_nothing_else(network, rng):
-    assembly = Assembly(network, ExponentialFiber(2.5))
+    assembly = Assembly(network, exponential(2.5))
     point = assembly.evaluate(np.diag([0.6, 0.7, 0.8]), np.zeros((assembly.size + 1, 3)))
     assert np.linalg.eigvalsh(dense(assembly.hessian(point)))[0] < 0.0
     assert np.linalg.eigvalsh(dense(assembly.hessian(point, 1.0)))[0] > 0.0
@@ -80,7 +80,7 @@ def test_leaving_out_negative_tension_makes_the_hessian_semidefinite_and_touches
         d, L = point.gradient @ D, np.linalg.norm(D)
         length = np.linalg.norm(d)
         n = d / length
-        force, stiffness = ExponentialFiber(2.5).response(length / L)
+        force, stiffness = exponential(2.5).response(length / L)
         across = max(float(force), 0.0) / length
         block = across * (np.eye(3) - np.outer(n, n)) + stiffness / L * np.outer(n, n)
         for i, j, sign in ((first, first, 1), (second, second, 1), (first, second, -1), (second, first, -1)):
@@ -107,7 +107,7 @@ def test_states_are_balanced_stable_and_lower_than_affine(solver, name):
 def test_states_agree_with_a_general_minimizer():
     """An independent computation: BFGS on the energy of node positions, written from Eq. 6 alone."""
     network = small_network(3, edge_length_um=8.0)
-    solver = EquilibriumSolver.of(network, ExponentialFiber(2.5))
+    solver = EquilibriumSolver.of(network, exponential(2.5))
     F = Load.parse("x_uniaxial").deformation_gradient(1.2)
     found = solver.node_position(solver.equilibrium(F))
     free = ~network.node_is_boundary
@@ -144,10 +144,10 @@ def test_a_single_node_between_collinear_fibers_finds_the_closed_form():
     """Three orthogonal pairs of fibres about an off-centre node: along each axis two springs in series."""
     centre = np.array([0.1, -0.2, 0.05])
     ends = np.concatenate([np.where(np.eye(3) > 0, s * 0.5, centre) for s in (-1.0, 1.0)])
-    network = Network(
+    network = Geometry(
         np.vstack([centre, ends]), np.array([False] + [True] * 6), np.array([[0, k] for k in range(1, 7)])
     )
-    solver = EquilibriumSolver.of(network, ExponentialFiber(2.5))
+    solver = EquilibriumSolver.of(network, exponential(2.5))
     F = np.diag([1.3, 1.1, 1.2])
     state = solver.equilibrium(F)
     # Equal forces in series mean equal stretches: the fluctuation is zero and every fibre is stretched like its axis.
@@ -160,7 +160,7 @@ def test_an_unstable_equilibrium_is_left():
     position = np.array([[-0.5, 0.0, 0.0], [0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, 0.5]])
     boundary = np.array([True, False, True, True, True])
     solver = EquilibriumSolver.of(
-        Network(position, boundary, np.array([[0, 1], [1, 2], [1, 3], [1, 4]])), ExponentialFiber(2.5)
+        Geometry(position, boundary, np.array([[0, 1], [1, 2], [1, 3], [1, 4]])), exponential(2.5)
     )
     F = np.diag([0.4, 1.0, 1.0])
     straight = solver.assembly.evaluate(F, np.zeros((2, 3)))
@@ -184,8 +184,8 @@ def test_affine_limit_without_interior_nodes(rng):
     """All nodes on the faces: every fibre follows F, so the energy is the affine sum and nothing is iterated."""
     faces = rng.uniform(-0.5, 0.5, size=(12, 3))
     faces[np.arange(12), np.arange(12) % 3] = np.where(np.arange(12) % 2, 0.5, -0.5)
-    network = Network(faces, np.ones(12, dtype=bool), np.array([[k, (k + 5) % 12] for k in range(12)]))
-    solver = EquilibriumSolver.of(network, ExponentialFiber(2.5))
+    network = Geometry(faces, np.ones(12, dtype=bool), np.array([[k, (k + 5) % 12] for k in range(12)]))
+    solver = EquilibriumSolver.of(network, exponential(2.5))
     F = np.eye(3) + 0.2 * rng.normal(size=(3, 3))
     state = solver.equilibrium(F)
     stretches = np.linalg.norm(network.fiber_vectors @ F.T, axis=1) / network.fiber_lengths
@@ -193,7 +193,7 @@ def test_affine_limit_without_interior_nodes(rng):
     assert state.iterations == 0
     np.testing.assert_allclose(state.point.stretches, stretches, rtol=1e-14)
     assert solver.assembly.energy(state.point) == pytest.approx(
-        network.fiber_lengths @ ExponentialFiber(2.5).energy(stretches)
+        network.fiber_lengths @ exponential(2.5).energy(stretches)
     )
 
 
@@ -203,9 +203,9 @@ def test_the_order_of_nodes_and_the_direction_of_fibers_do_not_matter(network, r
     flipped = np.where(
         rng.random(len(network.fiber_nodes))[:, None] < 0.5, network.fiber_nodes, network.fiber_nodes[:, ::-1]
     )
-    other = Network(network.node_position[shuffled], network.node_is_boundary[shuffled], place[flipped])
+    other = Geometry(network.node_position[shuffled], network.node_is_boundary[shuffled], place[flipped])
     F = path("xy_shear", 0.6)
-    one, two = (EquilibriumSolver.of(net, ExponentialFiber(2.5)) for net in (network, other))
+    one, two = (EquilibriumSolver.of(net, exponential(2.5)) for net in (network, other))
     a, b = one.node_position(one.follow(F)[-1]), two.node_position(two.follow(F)[-1])
     np.testing.assert_allclose(b[place], a, atol=1e-8)
 
@@ -241,13 +241,13 @@ def test_the_scale_of_forces_is_their_root_mean_square_above_one(solver):
     u = np.zeros((solver.assembly.size + 1, 3))
     assert solver.assembly.evaluate(np.eye(3), u).force_scale == 1.0
     point = solver.assembly.evaluate(np.diag([3.0, 0.6, 0.6]), u)
-    force, _ = ExponentialFiber(2.5).response(point.stretches)
+    force, _ = exponential(2.5).response(point.stretches)
     assert point.force_scale == pytest.approx(np.sqrt(np.mean(force**2)), rel=1e-12)
     assert point.force_scale > 100.0
 
 
 def test_forces_beyond_the_range_of_floats_are_no_equilibrium(network):
-    stiff = EquilibriumSolver.of(network, ExponentialFiber(50.0))
+    stiff = EquilibriumSolver.of(network, exponential(50.0))
     assert not stiff.equilibrium(np.diag([4.2, 0.5, 0.5])).converged
 
 
@@ -260,8 +260,8 @@ def test_a_path_need_not_begin_at_rest(solver):
 
 
 def test_a_step_too_long_is_cut_and_reaches_the_same_state(network):
-    generous = EquilibriumSolver.of(network, ExponentialFiber(2.5))
-    hasty = replace(generous, largest_number_of_iterations=3)
+    generous = EquilibriumSolver.of(network, exponential(2.5))
+    hasty = replace(generous, limits=Limits(largest_number_of_iterations=3))
     F = path("x_uniaxial", 1.6, steps=2)
     cut, whole = hasty.follow(F)[-1], generous.follow(F)[-1]
     assert cut.converged
@@ -271,7 +271,7 @@ def test_a_step_too_long_is_cut_and_reaches_the_same_state(network):
 
 def test_what_does_not_converge_says_so_and_stops_the_path(network):
     hopeless = EquilibriumSolver.of(
-        network, ExponentialFiber(2.5), largest_number_of_iterations=1, largest_number_of_cuts=0
+        network, exponential(2.5), Limits(largest_number_of_iterations=1, largest_number_of_cuts=0)
     )
     states = hopeless.follow(path("x_uniaxial", 2.5, steps=2))
     assert [state.converged for state in states] == [True, False, False]
@@ -282,6 +282,6 @@ def test_what_does_not_converge_says_so_and_stops_the_path(network):
 
 def test_a_mechanism_is_refused():
     position = np.array([[-0.5, 0.0, 0.0], [0.0, 0.0, 0.0], [0.5, 0.0, 0.0]])
-    chain = Network(position, np.array([True, False, True]), np.array([[0, 1], [1, 2]]))
+    chain = Geometry(position, np.array([True, False, True]), np.array([[0, 1], [1, 2]]))
     with pytest.raises(NetworkError, match="mechanism at rest"):
-        EquilibriumSolver.of(chain, ExponentialFiber(2.5)).follow([np.eye(3)])
+        EquilibriumSolver.of(chain, exponential(2.5)).follow([np.eye(3)])

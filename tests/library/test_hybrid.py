@@ -1,11 +1,12 @@
 """Lagged constants (Fig. 4b): each step runs with what the networks did before it, and the last one with its own."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import partial
 
 import numpy as np
 import pytest
 from conftest import small_network
+from fibers import stress_scale
 from reference import respond
 from tissues import stretched_box
 
@@ -13,18 +14,17 @@ from fibrous.curves import Curves
 from fibrous.fe.mesh import box
 from fibrous.fe.solver import LoadStepError, LoadStepper
 from fibrous.fitting.hgo import HGOFit, fit_constants
-from fibrous.hybrid import FollowedNetwork, LaggedRefit
+from fibrous.hybrid import LaggedRefit
 from fibrous.materials.hgo import HGOFamilies
 from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.networks.engine import Engine
-from fibrous.networks.fiber_law import ExponentialFiber
-from fibrous.networks.network import structure_tensor
+from fibrous.networks.network import Network
 
 MESH = box((2, 1, 1))
 STRETCHES = (0.04, 0.08, 0.12, 0.16)
 C2, C3 = np.array([0.1, 0.2]), np.array([0.0, 1.0])
-SCALE = 0.005
+SCALE = stress_scale(10.0, 0.1, 8.0)
 fit_energy, fit_stress = (
     partial(
         fit_constants,
@@ -50,8 +50,14 @@ class Losing(Engine):
 
 
 def followed(H, seed, engine=Engine):
+    """A network, solved by an engine of some kind."""
+
+    class Followed(Network):
+        def engine(self, *limits):
+            return engine.of(self, self.fiber, *limits)
+
     network = small_network(seed, H, edge_length_um=8.0)
-    return FollowedNetwork(engine.of(network, ExponentialFiber(2.5)), structure_tensor(network.fiber_vectors), SCALE)
+    return Followed(**{entry.name: getattr(network, entry.name) for entry in fields(network)})
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +85,7 @@ def history(found, step, element):
 
 def refitted(network, gradients, fit, without=()):
     """The constants that one walk of the network along its whole history gives."""
-    response = respond(network.engine.guard, gradients, SCALE)
+    response = respond(network.engine().guard, gradients, SCALE)
     energy = response.strain_energy_density.copy()
     stress = response.cauchy_stress.copy()
     energy[list(without)], stress[list(without)] = np.nan, np.nan

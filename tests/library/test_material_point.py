@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from fibers import exponential
 
 from fibrous.material_point import COMPONENTS, along_path, stress_errors
 from fibrous.materials.affine_fibers import AffineFibers
 from fibrous.materials.hgo import HGOFamilies, HGOStructureTensor
 from fibrous.materials.neo_hookean import NeoHookean
-from fibrous.networks.fiber_law import ExponentialFiber
 
 H = np.diag([0.69, 0.21, 0.10])
 END = np.array([[1.239, 0.0, 0.0035], [0.0, 1.048, -0.0014], [-0.0080, 0.102, 0.770]])
@@ -17,8 +17,8 @@ LAWS = {
     "matrix": NeoHookean(0.025, 0.417),
     "families": HGOFamilies.of_structure_tensor(H, 0.1, 0.4),
     "structure_tensor": HGOStructureTensor(0.1, 0.4, H),
-    "fibers": AffineFibers(TWO_FIBERS, np.array([0.2, 0.1]), ExponentialFiber(2.5)),
-    "fibers of one element": AffineFibers(TWO_FIBERS[None, None], np.array([[[0.2, 0.1]]]), ExponentialFiber(2.5)),
+    "fibers": AffineFibers(TWO_FIBERS, np.array([0.2, 0.1]), exponential(2.5)),
+    "fibers of one element": AffineFibers(TWO_FIBERS[None, None], np.array([[[0.2, 0.1]]]), exponential(2.5)),
 }
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 from conftest import small_network
+from fibers import exponential, stress_scale
 from scipy.spatial.transform import Rotation
 
 from fibrous.clock import Clock
@@ -21,9 +22,6 @@ from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.materials.timed import Timed
 from fibrous.networks.banded import Assembly
-from fibrous.networks.fiber_law import ExponentialFiber
-from fibrous.networks.network import structure_tensor
-from fibrous.networks.path import stress_scale
 from fibrous_study.configuration import SCHEMA
 from fibrous_study.words import FORMS, WITHOUT_CONSTANTS
 
@@ -32,7 +30,7 @@ H_DIAGONAL = np.diag([0.6, 0.3, 0.1])
 TURN = Rotation.from_euler("xyz", [[0.1, 0.2, 0.3], [1.0, 0.5, -0.4], [-0.7, 0.2, 2.0], [0.0, 0.0, 0.0]]).as_matrix()
 H = (TURN @ H_DIAGONAL @ TURN.transpose(0, 2, 1))[:, None]  # (elements, 1, 3, 3)
 C2, C3 = np.linspace(0.1, 0.4, ELEMENTS)[:, None], np.linspace(0.0, 1.5, ELEMENTS)[:, None]
-LAW = ExponentialFiber(2.5)
+LAW = exponential(2.5)
 SCALE = stress_scale(10.0, 0.1, 10.0)
 
 
@@ -53,7 +51,7 @@ def laws(scale: float = 1.0) -> dict:
         "structure tensor": HGOStructureTensor(scale * C2, C3, H),
         "structure tensor as printed": HGOStructureTensor(scale * C2, C3, H, tension_only=False),
         "affine fibers": bundles(scale),
-        "affine sphere": AffineFibers.of_structure_tensor(H_DIAGONAL, 500.0, LAW, scale * 1e-3),
+        "affine sphere": AffineFibers.of_structure_tensor(H_DIAGONAL, scale * 0.05, LAW),
         "mixture": Mixture((matrix, families, bundles(scale))),
         "timed": Timed(families, Clock(), "law"),
     }
@@ -215,14 +213,14 @@ def test_affine_fibers_are_the_network_without_fluctuations(network):
     F = np.array([[1.239, 0, 0.0035], [0, 1.048, -0.0014], [-0.0080, 0.102, 0.770]])  # Eq. 9
     affine = assembly.evaluate(F, np.zeros((assembly.size + 1, 3)))
     other = small_network(1)
-    law = AffineFibers.of_networks([network, other], LAW, SCALE)
+    law = AffineFibers.of_networks([network, other])
     stress, _, _ = law(np.broadcast_to(F, (2, 8, 3, 3)))
     expected = SCALE * assembly.stress(affine)
     np.testing.assert_allclose(stress[0, 3], expected, atol=1e-12 * np.abs(expected).max())
     assert law.energy(F)[0, 0] == pytest.approx(SCALE * assembly.energy(affine), rel=1e-12)
     weights = law.weights[1, 0]
     H_other = np.einsum("m,mI,mJ->IJ", weights, law.directions[1, 0], law.directions[1, 0]) / weights.sum()
-    np.testing.assert_allclose(H_other, structure_tensor(other.fiber_vectors), atol=1e-14)
+    np.testing.assert_allclose(H_other, other.structure_tensor, atol=1e-14)
 
 
 def test_half_sphere_integrates_even_polynomials():
@@ -240,9 +238,9 @@ def test_half_sphere_integrates_even_polynomials():
         assert weights @ mean == pytest.approx(exact, rel=1e-12)
 
 
-def test_sphere_has_the_structure_tensor_asked_for_and_the_total_length():
-    law = AffineFibers.of_structure_tensor(H[1, 0], 500.0, LAW, 1e-3)
-    assert law.weights.sum() == pytest.approx(0.5, rel=1e-13)
+def test_sphere_has_the_structure_tensor_and_the_volume_fraction_asked_for():
+    law = AffineFibers.of_structure_tensor(H[1, 0], 0.05, LAW)
+    assert law.weights.sum() == pytest.approx(10.0 * 0.05, rel=1e-13)
     found = np.einsum("m,mI,mJ->IJ", law.weights, law.directions, law.directions) / law.weights.sum()
     np.testing.assert_allclose(found, H[1, 0], atol=1e-4)
 

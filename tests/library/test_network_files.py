@@ -1,13 +1,19 @@
 """A user's own network: both formats give the same network, and every fault is named with its row."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
 from conftest import small_network
+from fibers import buckling, exponential
 
-from fibrous.errors import NetworkError
+from fibrous.errors import ConfigError, NetworkError
 from fibrous.io.networks import read_network
+from fibrous.networks.network import packed, unpacked
+
+SIZE = {"fiber": exponential(2.5), "edge_um": 7.0}
 
 
 @pytest.fixture
@@ -15,13 +21,13 @@ def files(tmp_path):
     network = small_network(2, edge_length_um=7.0)
     nodes = pd.DataFrame(network.node_position, columns=["x", "y", "z"])
     fibers = pd.DataFrame(network.fiber_nodes, columns=["tail", "head"])
-    return network, nodes, fibers, {"name": "own", "nodes": str(tmp_path / "n.csv"), "fibers": str(tmp_path / "f.csv")}
+    return network, nodes, fibers, {"nodes": str(tmp_path / "n.csv"), "fibers": str(tmp_path / "f.csv")}
 
 
 def read(nodes, fibers, entry):
     nodes.to_csv(entry["nodes"], index=False)
     fibers.to_csv(entry["fibers"], index=False)
-    return read_network(entry)
+    return read_network(entry["nodes"], entry["fibers"], **SIZE)
 
 
 @pytest.mark.parametrize("format_", ["NETCDF3_CLASSIC", "NETCDF3_64BIT", "NETCDF4_CLASSIC", "NETCDF4"])
@@ -36,7 +42,7 @@ def test_csv_and_netcdf_give_the_network_that_was_saved(files, tmp_path, format_
     for names in (["node_position", "fiber_nodes"], list(arrays)):
         dataset = xr.Dataset({name: arrays[name] for name in names})
         dataset.to_netcdf(tmp_path / "own.nc", engine="netcdf4", format=format_)
-        binary = read_network({"name": "own", "file": str(tmp_path / "own.nc")})
+        binary = read_network(tmp_path / "own.nc", **SIZE)
         for found in (tables, binary):
             np.testing.assert_allclose(found.node_position, network.node_position, atol=1e-15)
             np.testing.assert_array_equal(found.node_is_boundary, network.node_is_boundary)
@@ -83,7 +89,7 @@ def test_every_fault_is_named(files):
     with open(entry["nodes"], "w") as stream:  # a column that the header does not name would shift all others
         stream.write("x,y,z\n" + nodes.assign(boundary=1).to_csv(index=False, header=False))
     with pytest.raises(NetworkError, match="more values in a row than names"):
-        read_network(entry)
+        read_network(entry["nodes"], entry["fibers"], **SIZE)
     refused("fiber 4 has a node number that is not a whole number", fibers=changed(fibers, 4, "head", 1e30))
     refused("boundary flag 2", nodes=nodes.assign(boundary=2))
     refused("no node lies on a face", nodes=nodes.assign(boundary=0))
@@ -99,10 +105,41 @@ def test_every_fault_is_named(files):
 def test_missing_and_foreign_files_are_refused(files, tmp_path):
     entry = files[-1]
     with pytest.raises(NetworkError, match="not a readable CSV file"):
-        read_network(entry)
+        read_network(entry["nodes"], entry["fibers"], **SIZE)
     (tmp_path / "own.nc").write_text("no")
     with pytest.raises(NetworkError, match="not a readable NetCDF file"):
-        read_network({"name": "own", "file": str(tmp_path / "own.nc")})
+        read_network(tmp_path / "own.nc", **SIZE)
     xr.Dataset({"node_position": (("node", "axis"), np.zeros((4, 2)))}).to_netcdf(tmp_path / "own.nc", engine="netcdf4")
     with pytest.raises(NetworkError, match=r"'node_position' needs numbers of shape \(…, 3\), not float64 of \(4, 2\)"):
-        read_network({"name": "own", "file": str(tmp_path / "own.nc")})
+        read_network(tmp_path / "own.nc", **SIZE)
+
+
+@pytest.mark.parametrize("per_fiber", [False, True])
+def test_a_saved_network_is_the_same_network(tmp_path, per_fiber, rng):
+    network = small_network(2, edge_length_um=7.0)
+    if per_fiber:
+        section = rng.uniform(0.5, 2.0, len(network.fiber_nodes))
+        network = replace(network, fiber=buckling(0.2, section=section, modulus_MPa=3.0))
+    network.save(tmp_path / "mine.nc")
+    same = read_network(tmp_path / "mine.nc")
+    F = np.diag([1.2, 0.9, 0.95])
+    np.testing.assert_array_equal(same.stress(F), network.stress(F))
+    assert same.volume_fraction == network.volume_fraction
+    assert type(same.fiber) is type(network.fiber)
+
+
+def test_a_file_without_fibers_needs_them(files, tmp_path):
+    _, nodes, fibers, entry = files
+    read(nodes, fibers, entry)
+    with pytest.raises(NetworkError, match="give fiber and edge_um"):
+        read_network(entry["nodes"], entry["fibers"])
+
+
+def test_a_file_of_several_networks_is_refused(tmp_path):
+    networks = [small_network(seed, edge_length_um=7.0) for seed in (2, 2)]
+    packed(networks).to_netcdf(tmp_path / "two.nc", engine="netcdf4")
+    with pytest.raises(NetworkError, match="holds 2 networks"):
+        read_network(tmp_path / "two.nc")
+    assert [len(one.fiber_nodes) for one in unpacked(packed(networks))] == [len(networks[0].fiber_nodes)] * 2
+    with pytest.raises(ConfigError, match="several edges"):
+        packed([networks[0], replace(networks[0], edge_um=8.0)])

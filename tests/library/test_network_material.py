@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import small_network
+from fibers import buckling, exponential, stress_scale
 from reference import respond
 from scipy.spatial.transform import Rotation
 from tissues import distorted_box, stretched_box, surface
@@ -20,13 +21,12 @@ from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.materials.network import FiberNetworks
 from fibrous.networks.banded import Assembly
 from fibrous.networks.engine import Engine
-from fibrous.networks.fiber_law import BucklingFiber, ExponentialFiber
 from fibrous.networks.guard import EquilibriumSolver
 from fibrous.networks.network import Network
-from fibrous.networks.path import stress_scale
 from fibrous.specimen import FiberField, RigidMotion, Slab, synthetic_specimen
 
-LAW, SCALE, STEPS = ExponentialFiber(2.5), stress_scale(10.0, 0.1, 10.0), 10
+LAW, SCALE, STEPS = exponential(2.5), stress_scale(10.0, 0.1, 10.0), 10
+SIZE = {"fiber": LAW, "edge_um": 10.0}
 NETWORKS = [small_network(seed) for seed in range(3)]
 
 
@@ -47,7 +47,7 @@ PATH = np.stack([np.eye(3) + step / STEPS * (ENDS - np.eye(3)) for step in range
 
 
 def material(**options) -> FiberNetworks:
-    return FiberNetworks.of(NETWORKS, LAW, SCALE, **options)
+    return FiberNetworks.of(NETWORKS, **options)
 
 
 def followed(law, path=PATH):
@@ -204,8 +204,8 @@ def test_networks_without_interior_nodes_are_affine():
     rng = np.random.default_rng(1)
     faces = rng.uniform(-0.5, 0.5, size=(12, 3))
     faces[np.arange(12), np.arange(12) % 3] = np.where(np.arange(12) % 2, 0.5, -0.5)
-    network = Network(faces, np.ones(12, dtype=bool), np.array([[k, (k + 5) % 12] for k in range(12)]))
-    law = FiberNetworks.of([network, NETWORKS[0]], LAW, SCALE)
+    network = Network(faces, np.ones(12, dtype=bool), np.array([[k, (k + 5) % 12] for k in range(12)]), **SIZE)
+    law = FiberNetworks.of([network, NETWORKS[0]])
     P, A, state = law(PATH[2, :2])
     D, L = network.fiber_vectors, network.fiber_lengths
     for q in range(8):
@@ -281,17 +281,17 @@ def test_at_the_same_gradients_the_answer_has_the_same_bits(states):
 
 def test_a_mechanism_is_refused_with_the_number_of_its_element():
     position = np.array([[-0.5, 0.0, 0.0], [0.0, 0.0, 0.0], [0.5, 0.0, 0.0]])
-    chain = Network(position, np.array([True, False, True]), np.array([[0, 1], [1, 2]]))
+    chain = Network(position, np.array([True, False, True]), np.array([[0, 1], [1, 2]]), **SIZE)
     with pytest.raises(NetworkError, match="element 1: the network is a mechanism at rest"):
-        FiberNetworks.of([NETWORKS[0], chain], LAW, SCALE)(PATH[1, :2])
+        FiberNetworks.of([NETWORKS[0], chain])(PATH[1, :2])
 
 
 def test_a_column_that_buckles_does_not_stay_straight():
     """Pushed along its axis it is in balance with its slack stays, and the way of the predictions is straight."""
     position = np.array([[-0.5, 0.0, 0.0], [0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, 0.5]])
     boundary = np.array([True, False, True, True, True])
-    column = Network(position, boundary, np.array([[0, 1], [1, 2], [1, 3], [1, 4]]))
-    law = FiberNetworks.of([column], LAW, SCALE)
+    column = Network(position, boundary, np.array([[0, 1], [1, 2], [1, 3], [1, 4]]), **SIZE)
+    law = FiberNetworks.of([column])
     shares = np.linspace(1.0, 0.4, 7)[:, None, None, None, None]
     state = followed(law, np.eye(3) + (shares - 1.0) * np.diag([1.0, 0.0, 0.0]))[-1][2]
     assert (state.indefinite > 0).all()
@@ -302,8 +302,6 @@ def test_a_column_that_buckles_does_not_stay_straight():
 
 
 def test_what_is_wrong_is_refused():
-    with pytest.raises(MaterialError, match=r"scale is -1\.0"):
-        FiberNetworks.of(NETWORKS, LAW, -1.0)
     with pytest.raises(MaterialError, match="threads is 0"):
         material(threads=0)
     for shape in ((2, 8), (3, 9), (3, 0), (8,)):
@@ -312,7 +310,13 @@ def test_what_is_wrong_is_refused():
 
 
 def test_stress_scales_with_the_modulus_and_iterations_do_not():
-    one, other = followed(material(), PATH[:3]), followed(replace(material(), scale=1e6 * SCALE), PATH[:3])
+    one, other = (
+        followed(
+            FiberNetworks.of([replace(network, fiber=exponential(modulus_MPa=modulus)) for network in NETWORKS]),
+            PATH[:3],
+        )
+        for modulus in (10.0, 1e7)
+    )
     for (P, A, state), (more_P, more_A, more) in zip(one, other, strict=True):
         np.testing.assert_allclose(more_P, 1e6 * P, rtol=1e-14)
         np.testing.assert_allclose(more_A, 1e6 * A, rtol=1e-14)
@@ -323,7 +327,7 @@ def test_stress_scales_with_the_modulus_and_iterations_do_not():
 
 
 def tissue_of(networks, threads=1):
-    return Mixture((NeoHookean(0.025, 0.417), FiberNetworks.of(networks, LAW, SCALE, threads)))
+    return Mixture((NeoHookean(0.025, 0.417), FiberNetworks.of(networks, threads)))
 
 
 def test_one_deformation_gradient_everywhere_is_the_network_alone():
@@ -332,7 +336,7 @@ def test_one_deformation_gradient_everywhere_is_the_network_alone():
     shares = np.linspace(0.25, 1.0, 4)[:, None, None]
     exact = mesh.node_position @ (F - np.eye(3)).T
     prescribed = PrescribedDisplacement.at(nodes, shares * exact[nodes], steps=4)
-    fibers = FiberNetworks.of([NETWORKS[0]] * 8, LAW, SCALE)
+    fibers = FiberNetworks.of([NETWORKS[0]] * 8)
     stepper = LoadStepper.of(mesh, fibers, prescribed, tolerance=1e-13)
     solution = stepper.follow(prescribed.values)
     np.testing.assert_allclose(solution.displacement[-1], exact, atol=1e-11)
@@ -418,9 +422,9 @@ def test_a_network_that_fails_in_a_trial_cuts_the_step_and_leaves_the_state(monk
 
 def test_another_fiber_law_runs_in_finite_elements():
     """Fibres that buckle: the stress of every Gauss point is that of its network alone."""
-    law, mesh = BucklingFiber(0.3), box((2, 1, 1))
+    law, mesh = buckling(0.3), box((2, 1, 1))
     prescribed = stretched_box(mesh, [0.06, 0.12])
-    fibers = FiberNetworks.of(NETWORKS[:2], law, SCALE)
+    fibers = FiberNetworks.of([replace(network, fiber=law) for network in NETWORKS[:2]])
     stepper = LoadStepper.of(mesh, Mixture((NeoHookean(0.025, 0.417), fibers)), prescribed)
     solution = stepper.follow(prescribed.values)
     assert solution.converged.all()

@@ -2,22 +2,22 @@
 
 import numpy as np
 import pytest
+from fibers import buckling, exponential, stress_scale
 from reference import respond
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from fibrous.deformation import Load
 from fibrous.networks.engine import Engine
-from fibrous.networks.fiber_law import BucklingFiber, ExponentialFiber
-from fibrous.networks.guard import EquilibriumSolver
-from fibrous.networks.path import follow, stress_scale
+from fibrous.networks.guard import EquilibriumSolver, Limits
+from fibrous.networks.path import follow
 
 SCALE = stress_scale(10.0, 0.1, 10.0)
 F_GENERAL = np.array([[1.239, 0, 0.0035], [0, 1.048, -0.0014], [-0.0080, 0.102, 0.770]])  # Eq. 9
 LAWS = {
-    "exponential": ExponentialFiber(2.5),
-    "linear beyond": ExponentialFiber(2.5, linear_beyond=1.05),
-    "buckling": BucklingFiber(0.2),
+    "exponential": exponential(2.5),
+    "linear beyond": exponential(2.5, linear_beyond_stretch=1.05),
+    "buckling": buckling(0.2),
 }
 
 
@@ -131,7 +131,7 @@ def test_stretch_aligns_and_rest_is_free_of_stress(engine):
 
 
 def test_unconverged_steps_carry_no_number_and_stop_no_other_path(network):
-    hasty = Engine.of(network, ExponentialFiber(2.5), largest_number_of_iterations=2, largest_number_of_cuts=0)
+    hasty = Engine.of(network, exponential(2.5), Limits(largest_number_of_iterations=2, largest_number_of_cuts=0))
     loads = [np.array([1.0, 2.0, 2.5]), np.array([1.0, 1.0005, 1.001])]
     paths = np.array([Load.parse("x_uniaxial").deformation_gradient(load) for load in loads])
     response = follow(hasty, paths, SCALE, tangent=True, geometry=True)

@@ -22,12 +22,12 @@ from made_up_evidence import (
 )
 
 from fibrous.curves import Curves
-from fibrous.networks.three_fibers import affine, equilibrium
 from fibrous_study.audit import curves as of_curves
 from fibrous_study.audit import example, families, scatter
 from fibrous_study.audit.finding import number, rank_correlation
 from fibrous_study.audit.refits import constants_up_to
 from fibrous_study.audit.statements import CHECKS
+from fibrous_study.three_fibers import affine, equilibrium
 
 
 def test_every_statement_is_judged_and_nothing_else():

@@ -9,10 +9,10 @@ import yaml
 
 from fibrous.errors import ConfigError
 from fibrous_study import plan
-from fibrous_study.configuration import DEFAULT, SCHEMA, _merge, loaded, validated
+from fibrous_study.configuration import DEFAULT, _merge, loaded, schema_of_config, validated
 from fibrous_study.variants import variants
 
-SCHEMA_TREE = yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))
+SCHEMA_TREE = schema_of_config()
 
 
 def default() -> dict:

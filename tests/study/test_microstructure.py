@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 import synthetic
 from conftest import small_network
+from fibers import exponential, stress_scale
 from matplotlib.collections import LineCollection
 from reference import respond
 
@@ -18,9 +19,8 @@ from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.materials.network import FiberNetworks
 from fibrous.microstructure import stress_difference
 from fibrous.networks.engine import Engine
-from fibrous.networks.fiber_law import ExponentialFiber
-from fibrous.networks.guard import EquilibriumSolver
-from fibrous.networks.path import follow, stress_scale
+from fibrous.networks.guard import EquilibriumSolver, Limits
+from fibrous.networks.path import follow
 from fibrous.specimen import FiberField, RigidMotion, Slab, synthetic_specimen
 from fibrous_study import datasets
 from fibrous_study.figures import figure_microstructure as figure
@@ -85,7 +85,7 @@ def test_forces_balance_at_interior_nodes_and_the_boundary_follows(found, networ
 
 
 def test_a_state_that_was_not_found_is_nan(network):
-    hasty = Engine.of(network, ExponentialFiber(B), largest_number_of_iterations=1, largest_number_of_cuts=0)
+    hasty = Engine.of(network, exponential(B), Limits(largest_number_of_iterations=1, largest_number_of_cuts=0))
     lost = driven_alone(hasty)
     np.testing.assert_array_equal(lost.converged, [True, False, False, False, False])
     for name in ("node_position", "fiber_stretch", "fiber_stress", "orientation_tensor", "cauchy_stress"):
@@ -111,7 +111,7 @@ def tissue(tmp_path_factory):
     """A coupled simulation of four elements, its files, and what the library found."""
     folder = tmp_path_factory.mktemp("microstructure")
     specimen = synthetic_specimen(Slab(counts=(2, 2, 1)), FiberField(), RigidMotion(), 2)
-    networks = FiberNetworks.of([NETWORKS[number] for number in ORDER], ExponentialFiber(B), SCALE)
+    networks = FiberNetworks.of([NETWORKS[number] for number in ORDER])
     material = Mixture((NeoHookean(C1, LAME), networks))
     solution = LoadStepper.of(specimen.mesh, material, specimen.prescribed).follow(specimen.prescribed.values)
     write_specimen(folder / "specimen.nc", specimen)
@@ -171,7 +171,7 @@ def write_networks(path, numbers):
         "name": np.array([""] * len(networks), dtype=object),
     }
     about = {"edge_length_um": EDGE, "fiber_radius_um": RADIUS, "fiber_modulus_MPa": MODULUS}
-    about |= {"fiber_nonlinearity": B, "fiber_linear_beyond_stretch": np.nan}
+    about |= {"fiber_nonlinearity": B, "fiber_linear_beyond_stretch": np.inf, "fiber_law": "exponential"}
     write(arrays, "networks", path, {"network": numbers}, **about)
 
 
@@ -212,7 +212,7 @@ def test_the_file_holds_every_gauss_point_and_their_mean(tissue):
     mean = np.concatenate([np.eye(3)[None], sum(F[:, q] for q in range(8)) / 8.0])
     along = states.sel(path="mean")
     np.testing.assert_allclose(along["deformation_gradient"], mean, atol=1e-15)
-    response = respond(EquilibriumSolver.of(NETWORKS[ORDER[2]], ExponentialFiber(B)), mean, SCALE)
+    response = respond(EquilibriumSolver.of(NETWORKS[ORDER[2]], exponential(B)), mean, SCALE)
     np.testing.assert_allclose(along["cauchy_stress"], response.cauchy_stress, atol=1e-12)
     np.testing.assert_allclose(along["orientation_tensor"], response.orientation_tensor, atol=1e-10)
     green = 0.5 * (along["fiber_stretch"].values ** 2 - 1.0)

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from fibers import exponential
 from reference import respond
 from small_study import NETWORK_FILES, SPECIMEN_FILE, small_specimen
 from workflow_runs import job_line
@@ -22,7 +23,6 @@ from fibrous.fe.solver import LoadStepper, Walk
 from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.materials.network import FiberNetworks
-from fibrous.networks.fiber_law import ExponentialFiber
 from fibrous.networks.guard import EquilibriumSolver
 from fibrous_study import datasets, provenance
 from fibrous_study.checkpoint import Checkpoint
@@ -53,7 +53,7 @@ def test_every_gauss_point_holds_its_network_in_equilibrium(coupled):
     for element, point in ((0, 0), (5, 3), (11, 7)):
         gradients = tissue["deformation_gradient"].values[:, element, point]
         path = np.concatenate([np.eye(3)[None], gradients])
-        alone = respond(EquilibriumSolver.of(coupled.networks()[element], ExponentialFiber(2.5)), path, SCALE)
+        alone = respond(EquilibriumSolver.of(coupled.networks()[element], exponential(2.5)), path, SCALE)
         J = np.linalg.det(gradients)[:, None, None]
         matrix = 2.0 * 0.025 / J * (gradients @ gradients.swapaxes(1, 2) - np.eye(3)) + 0.417 * np.log(J) / J * np.eye(
             3
@@ -65,7 +65,7 @@ def test_every_gauss_point_holds_its_network_in_equilibrium(coupled):
 
 def test_counts_are_those_of_the_library_called_by_hand(coupled):
     specimen, tissue = small_specimen(), coupled.tissue("multiscale")
-    material = Mixture((NeoHookean(0.025, 0.417), FiberNetworks.of(coupled.networks(), ExponentialFiber(2.5), SCALE)))
+    material = Mixture((NeoHookean(0.025, 0.417), FiberNetworks.of(coupled.networks())))
     found = LoadStepper.of(specimen.mesh, material, specimen.prescribed).follow(specimen.prescribed.values)
     assert found.displacement.tobytes() == tissue["displacement"].values.tobytes()
     assert found.newton_iterations.tolist() == tissue["newton_iterations"].values.tolist()
@@ -395,7 +395,7 @@ def test_table_2_sums_up_what_the_processes_counted(tmp_path):
         dataset.to_netcdf(tmp_path / name, engine="netcdf4")
         return tmp_path / name
 
-    parts = json.dumps({"assembly": 1000.0, "factorisation": 500.0})
+    parts = json.dumps({"equilibrium": 1000.0, "condensation": 500.0})
     inputs = {
         "networks": [written("n.nc", 7.2)],
         # Half of the loads and one law of two: what is left is beyond the method.

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 import pytest
 import xarray as xr
+from fibers import exponential
 from test_datasets import PARAMS, states
 
 from fibrous.errors import FibrousError
@@ -106,7 +107,7 @@ def problem(read, path) -> str:
 READERS = {
     "dataset": partial(datasets.read, kind="states"),
     "provenance": datasets.provenance_of,
-    "network": lambda path: read_network({"name": "own", "file": str(path)}),
+    "network": lambda path: read_network(path, fiber=exponential(), edge_um=20.0),
     "mesh": read_mesh,
 }
 

@@ -3,8 +3,8 @@
 import numpy as np
 from small_study import Study
 
+from fibrous.networks.network import unpacked
 from fibrous_study import datasets
-from fibrous_study.loading import unpacked
 
 
 def replicates(folder, seeds: int, batch: str = "02"):

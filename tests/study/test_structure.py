@@ -23,7 +23,7 @@ TISSUE = ["fitting", "fe", "hybrid", "specimen", "material_point"]
 FORBIDDEN = {
     "deformation": ["networks", "materials", *TISSUE, "io"],
     "curves": ["networks", "materials", *TISSUE, "io"],
-    "networks": ["curves", "materials", *TISSUE, "io"],
+    "networks": ["materials", *TISSUE, "io"],
     "materials": [*TISSUE, "io"],
     "fitting": ["networks", "fe", "hybrid", "specimen", "material_point", "io"],
     "fe": ["networks", "fitting", "hybrid", "specimen", "material_point", "io"],
@@ -71,6 +71,8 @@ def test_no_import_runs_in_a_circle():
 
 
 def room_of(module: str) -> str:
+    if module == "fibrous.io.netcdf":  # how any file is read and written; it knows nothing of what is in it
+        return module
     return ".".join(module.split(".")[:2])
 
 

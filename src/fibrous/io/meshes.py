@@ -21,13 +21,13 @@ from pathlib import Path
 
 import meshio
 import numpy as np
-import pandas as pd
 from netCDF4 import Dataset
 from numpy.typing import NDArray
 
 from fibrous.errors import DatasetError
 from fibrous.fe.mesh import Mesh, MeshError
 from fibrous.io.netcdf import NETCDF_3, content_of
+from fibrous.io.tables import columns, read_csv
 from fibrous.specimen import FIXED, MOVED, NO_ENTHESIS, Specimen, structure_tensor_of
 
 Array = NDArray[np.float64]
@@ -115,7 +115,7 @@ def _refuse_cut(path: Path, content: bytes) -> None:
 
 def _read_motion(path: Path, node_count: int) -> tuple[Index, Array]:
     """Enthesis of every node, shape (nodes,), and displacements, shape (steps, nodes, 3), mm, NaN at free nodes."""
-    values = _columns(path, _table(path), ["node", "enthesis", "step", *DISPLACEMENT])
+    values = columns(path, read_csv(path, MeshError), ["node", "enthesis", "step", *DISPLACEMENT], MeshError)
     node, number, step = _whole(path, values[:, :3], ["node", "enthesis", "step"]).T
     if not len(node):
         raise MeshError(f"{path}: has no rows; without entheses there is no load")
@@ -151,9 +151,9 @@ def _read_motion(path: Path, node_count: int) -> tuple[Index, Array]:
 
 def _read_fibers(path: Path, element_count: int) -> tuple[Array, Array]:
     """Directions, shape (elements, 3), and structure tensors, shape (elements, 3, 3)."""
-    table = _table(path)
+    table = read_csv(path, MeshError)
     given = [name for name in TRANSVERSE if name in table]
-    values = _columns(path, table, ["element", *EIGENVALUES, *DIRECTION, *(TRANSVERSE if given else [])])
+    values = columns(path, table, ["element", *EIGENVALUES, *DIRECTION, *(TRANSVERSE if given else [])], MeshError)
     element = _whole(path, values[:, :1], ["element"])[:, 0]
     _refuse_unknown(path, element, element_count, "element")
     count = np.bincount(element, minlength=element_count)
@@ -216,22 +216,3 @@ def _whole(path: Path, values: Array, names: list[str]) -> Index:
     if bad.size:
         raise MeshError(f"{path}: row {bad[0, 0]} has no whole number in the column '{names[bad[0, 1]]}'")
     return values.astype(np.int64)
-
-
-def _columns(path: Path, table: pd.DataFrame, names: list[str]) -> Array:
-    missing = [name for name in names if name not in table]
-    if missing:
-        raise MeshError(f"{path}: lacks the column '{missing[0]}'; it needs {', '.join(names)}")
-    numbers = table[names].apply(pd.to_numeric, errors="coerce").to_numpy(dtype=float)
-    bad = np.argwhere(~np.isfinite(numbers))
-    if bad.size:
-        raise MeshError(f"{path}: row {bad[0, 0]} has no finite number in the column '{names[bad[0, 1]]}'")
-    return numbers
-
-
-def _table(path: Path) -> pd.DataFrame:
-    try:
-        table = pd.read_csv(path, skipinitialspace=True)
-    except (OSError, ValueError) as error:
-        raise MeshError(f"{path}: not a readable CSV file ({' '.join(str(error).split())[:120]})") from None
-    return table.rename(columns=lambda name: str(name).strip())

@@ -1,96 +1,101 @@
-"""A user's own network: nodes and fibres from CSV or NetCDF files, checked before anything is made of them.
+"""A network from files of the user: its nodes and fibres from CSV or NetCDF.
 
 Positions are in edges of the unit cube centred on the origin. CSV: one file with columns x, y, z and, if wanted,
 boundary (0 or 1), one with columns tail, head (node numbers from 0). NetCDF (NetCDF-3 or NetCDF-4): variables
 node_position(node, axis), fiber_nodes(fiber, end) and, if wanted, node_is_boundary(node). Without the last, nodes on a
-face are the boundary.
+face are the boundary. Files of `Network.save` say what the fibres are, too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
+import xarray as xr
 
-from fibrous.errors import DatasetError, NetworkError
+from fibrous.errors import DatasetError, NetworkError, naming
 from fibrous.io.netcdf import opened
-from fibrous.networks.network import Network, checked
+from fibrous.io.tables import columns, read_csv
+from fibrous.networks.fiber_law import FiberLaw
+from fibrous.networks.geometry import ON_FACE
+from fibrous.networks.network import LAW, Network, unpacked
 
-ON_FACE = 1e-9
 
+def read_network(
+    path: str | Path, fibers: str | Path | None = None, *, fiber: FiberLaw | None = None, edge_um: float | None = None
+) -> Network:
+    """A network from one NetCDF file, or from two CSV files, of its nodes and of its fibres.
 
-def read_network(entry: Mapping[str, str]) -> Network:
-    """The network of an entry of the config's `network_files`.
+    Parameters
+    ----------
+    path : the NetCDF file, or the CSV file of nodes; fibers : the CSV file of fibres
+    fiber, edge_um : as of `Network`; needed where the file is none of `Network.save`
 
-    Raises NetworkError, naming the file and the row at fault, where it is none.
+    Raises NetworkError, naming the file and the row at fault, where it holds no network.
+
+    >>> import tempfile
+    >>> from fibrous import Fiber, delaunay
+    >>> fiber = Fiber(modulus_MPa=10.0, nonlinearity=2.5, radius_um=0.1)
+    >>> network = delaunay((0.6, 0.25, 0.15), fiber, volume_fraction=0.04, edge_um=8.0, seed=1, tolerance=0.02)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     network.save(f"{folder}/mine.nc")
+    ...     print(read_network(f"{folder}/mine.nc"))
+    <Network: 250 fibres, 17 interior nodes, H = (0.60, 0.25, 0.15), φ = 0.040>
     """
-    if "file" in entry:
-        position, fibers, boundary = _read_netcdf(Path(entry["file"]))
-        where = entry["file"]
+    where = f"{path}" if fibers is None else f"{path} and {fibers}"
+    if fibers is None:
+        dataset = _netcdf(Path(path))
+        if LAW in dataset.attrs and fiber is None and edge_um is None:
+            with naming(where):
+                return _only(unpacked(dataset))
+        position, ends, boundary = _arrays(dataset, Path(path))
     else:
-        position, boundary = _read_nodes(Path(entry["nodes"]))
-        fibers = _columns(Path(entry["fibers"]), ["tail", "head"])
-        where = f"{entry['nodes']} and {entry['fibers']}"
-    whole = np.isfinite(fibers) & (fibers == np.round(fibers)) & (np.abs(fibers) < 2.0**53)
-    if not whole.all():
-        row = np.flatnonzero(~whole.all(axis=1))[0]
-        raise NetworkError(f"{where}: fiber {row} has a node number that is not a whole number")
-    outside = np.flatnonzero((np.abs(position) > 0.5 + ON_FACE).any(axis=1))
-    if outside.size:
-        raise NetworkError(
-            f"{where}: node {outside[0]} lies outside the unit cube centred on the origin; "
-            "give positions in edges of the cube (cube.edge_length_um says how long an edge is)"
-        )
-    if boundary is None:
-        boundary = (np.abs(position) >= 0.5 - ON_FACE).any(axis=1)
-    return checked(Network(position, boundary, fibers.astype(np.int64)), where)
+        position, boundary = _read_nodes(Path(path))
+        ends = columns(Path(fibers), read_csv(Path(fibers), NetworkError), ["tail", "head"], NetworkError)
+    with naming(where):
+        if fiber is None or edge_um is None:
+            raise NetworkError("does not say what its fibers are and how large its cube is; give fiber and edge_um")
+        whole = np.isfinite(ends) & (ends == np.round(ends)) & (np.abs(ends) < 2.0**53)
+        if not whole.all():
+            row = np.flatnonzero(~whole.all(axis=1))[0]
+            raise NetworkError(f"fiber {row} has a node number that is not a whole number")
+        if boundary is None:
+            boundary = (np.abs(position) >= 0.5 - ON_FACE).any(axis=1)
+        return Network(position, boundary, ends.astype(np.int64), fiber=fiber, edge_um=edge_um)
+
+
+def _only(networks: list[Network]) -> Network:
+    if len(networks) != 1:
+        raise NetworkError(f"holds {len(networks)} networks; give one file per network")
+    return networks[0]
 
 
 def _read_nodes(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
-    position = _columns(path, ["x", "y", "z"])
-    if "boundary" not in _table(path):
+    table = read_csv(path, NetworkError)
+    position = columns(path, table, ["x", "y", "z"], NetworkError)
+    if "boundary" not in table:
         return position, None
-    return position, _flags(_columns(path, ["boundary"])[:, 0], path)
+    return position, _flags(columns(path, table, ["boundary"], NetworkError)[:, 0], path)
 
 
-def _columns(path: Path, names: list[str]) -> np.ndarray:
-    table = _table(path)
-    missing = [name for name in names if name not in table]
-    if missing:
-        raise NetworkError(f"{path}: lacks the column '{missing[0]}'; it needs {', '.join(names)}")
-    numbers = table[names].apply(pd.to_numeric, errors="coerce").to_numpy(dtype=float)
-    bad = np.argwhere(~np.isfinite(numbers))
-    if bad.size:
-        raise NetworkError(f"{path}: row {bad[0, 0]} has no finite number in the column '{names[bad[0, 1]]}'")
-    return numbers
-
-
-def _table(path: Path) -> pd.DataFrame:
+def _netcdf(path: Path) -> xr.Dataset:
     try:
-        table = pd.read_csv(path, skipinitialspace=True)
-    except (OSError, ValueError) as error:
-        raise NetworkError(f"{path}: not a readable CSV file ({' '.join(str(error).split())[:120]})") from None
-    if not isinstance(table.index, pd.RangeIndex):
-        raise NetworkError(f"{path}: has more values in a row than names in its header; name every column")
-    return table.rename(columns=lambda name: str(name).strip())
-
-
-def _read_netcdf(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    try:
-        with opened(path, "network_files in the config names it", "save it anew as NetCDF-3 or NetCDF-4") as dataset:
-            dataset.load()
+        with opened(path, "name a file that exists", "save it anew as NetCDF-3 or NetCDF-4") as dataset:
+            return dataset.load()
     except DatasetError as error:
         raise NetworkError(str(error)) from None
-    for name, columns in (("node_position", 3), ("fiber_nodes", 2)):
+
+
+def _arrays(dataset: xr.Dataset, path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Positions, fibres and, if the file says so, which nodes are the boundary."""
+    for name, width in (("node_position", 3), ("fiber_nodes", 2)):
         if name not in dataset:
             raise NetworkError(f"{path}: lacks the variable '{name}'")
-        if dataset[name].ndim != 2 or dataset[name].shape[1] != columns or dataset[name].dtype.kind not in "iuf":
+        if dataset[name].ndim != 2 or dataset[name].shape[1] != width or dataset[name].dtype.kind not in "iuf":
             found = f"{dataset[name].dtype} of {dataset[name].shape}"
-            raise NetworkError(f"{path}: '{name}' needs numbers of shape (…, {columns}), not {found}")
+            raise NetworkError(f"{path}: '{name}' needs numbers of shape (…, {width}), not {found}")
     if dataset.sizes.get("network", 1) != 1:
-        raise NetworkError(f"{path}: holds {dataset.sizes['network']} networks; give one file a network")
+        raise NetworkError(f"{path}: holds {dataset.sizes['network']} networks; give one file per network")
     position = dataset["node_position"].to_numpy().astype(float)
     if "node_is_boundary" not in dataset:
         return position, dataset["fiber_nodes"].to_numpy(), None

@@ -41,9 +41,10 @@ class AffineFibers(PerElement):
 
     Raises MaterialError for directions that are no unit vectors, negative weights, and shapes other than these.
 
-    >>> from fibrous.networks.fiber_law import ExponentialFiber
-    >>> one = AffineFibers(np.array([[1.0, 0.0, 0.0]]), np.array([2.0]), ExponentialFiber(2.5))
-    >>> float(one(np.eye(3))[1][0, 0, 0, 0])
+    >>> from fibrous import Fiber
+    >>> law = Fiber(modulus_MPa=10.0, nonlinearity=2.5, radius_um=0.1)
+    >>> alone = AffineFibers(np.array([[1.0, 0.0, 0.0]]), np.array([2.0]), law)
+    >>> float(alone(np.eye(3))[1][0, 0, 0, 0])
     2.0
     """
 
@@ -66,11 +67,15 @@ class AffineFibers(PerElement):
         object.__setattr__(self, "weights", v)
 
     @classmethod
-    def of_networks(cls, networks: Sequence[Network], law: FiberLaw, scale: float) -> Self:
-        """The fibres of one network per element; `scale` = k A/χ² in MPa from `networks.path.stress_scale`.
+    def of_networks(cls, networks: Sequence[Network]) -> Self:
+        """The fibres of one network per element, all of one law.
 
-        Raises MaterialError for a law with numbers per fibre, or with rest lengths other than in the networks.
+        Raises MaterialError for networks of several laws, a law with numbers per fibre, or with rest lengths other than
+        in the networks.
         """
+        law = networks[0].fiber
+        if any(not _alike(network.fiber, law) for network in networks):
+            raise MaterialError("the affine sum has a law for all fibers: give it networks of one")
         if any(np.ndim(number) for number in (law.section, *law.constants())) or np.any(
             np.asarray(law.rest_length) != 1
         ):
@@ -81,14 +86,14 @@ class AffineFibers(PerElement):
         for element, network in enumerate(networks):
             count, lengths = len(network.fiber_nodes), network.fiber_lengths
             directions[element, 0, :count] = network.fiber_vectors / lengths[:, None]
-            weights[element, 0, :count] = scale * law.section * lengths
+            weights[element, 0, :count] = network.stress_unit_MPa * law.section * lengths
         return cls(directions, weights, law)
 
     @classmethod
     def of_structure_tensor(
-        cls, structure_tensor: Array, total_length: float, law: FiberLaw, scale: float, order: int = 12
+        cls, structure_tensor: Array, volume_fraction: float, law: FiberLaw, order: int = 12
     ) -> Self:
-        """The expected fibres of networks with H, shape (3, 3), and a total length in edges (see of_networks).
+        """The expected fibres of networks with H, shape (3, 3), and a volume fraction.
 
         They are an isotropic cloud's, stretched: an edge along n becomes S n, and weighs its length. `order` squared
         times two directions stand for the half sphere. Raises NetworkError for an H that no cloud can have.
@@ -97,7 +102,7 @@ class AffineFibers(PerElement):
         vectors = directions @ stretch_tensor_for(structure_tensor)
         lengths = np.linalg.norm(vectors, axis=1)
         shares = weights * lengths / (weights @ lengths)
-        return cls(vectors / lengths[:, None], scale * total_length * shares, law)
+        return cls(vectors / lengths[:, None], law.modulus_MPa * volume_fraction * shares, law)
 
     def __call__(self, gradient: Array, state: State = None, near: State = None) -> tuple[Array, Array, State]:
         """P = F S, A_iJkL = δ_ik S_JL + F_iM F_kN D_MJNL, in MPa.
@@ -154,6 +159,14 @@ class AffineFibers(PerElement):
             )
             result[part] = function(pairs[part], directions, weights)
         return result.reshape(*leading, size)
+
+
+def _alike(one: FiberLaw, two: FiberLaw) -> bool:
+    """Whether two laws have the same force over stretch and the same section."""
+    return one.kind == two.kind and all(
+        np.array_equal(a, b)
+        for a, b in zip((one.section, *one.constants()), (two.section, *two.constants()), strict=True)
+    )
 
 
 def half_sphere(order: int) -> tuple[Array, Array]:

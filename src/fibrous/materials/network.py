@@ -20,10 +20,11 @@ from fibrous.clock import Clock
 from fibrous.errors import ConvergenceError, FibrousError, naming
 from fibrous.materials.contract import MaterialError, State
 from fibrous.networks import kernels
-from fibrous.networks.engine import CONVERGED, Engine
-from fibrous.networks.fiber_law import FiberLaw
+from fibrous.networks.engine import Engine
+from fibrous.networks.guard import LIMITS, Limits
 from fibrous.networks.lanes import LANES
 from fibrous.networks.network import Network
+from fibrous.networks.relaxation import CONVERGED
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
@@ -70,51 +71,40 @@ class FiberNetworks:
     Parameters
     ----------
     engines : of the elements' networks
-    scale : k A/χ² in MPa from `networks.path.stress_scale`, above 0
+    scale : k A/χ² of the elements' networks, shape (elements,), MPa
     rows : nodes that a state has room for in every element, one more than interior nodes at the least
     threads : elements worked on at a time; results do not depend on it
     first_element : number of the first of these elements, for messages
 
-    Raises MaterialError for a scale or a number of threads out of range.
+    Raises MaterialError for a number of threads out of range.
     """
 
     engines: tuple[Engine, ...]
-    scale: float
+    scale: Array
     rows: int
     threads: int = 1
     first_element: int = 0
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.scale) and self.scale > 0.0):
-            raise MaterialError(f"scale is {self.scale}; it must be a number above 0")
         if self.threads < 1:
             raise MaterialError(f"threads is {self.threads}; it must be at least 1")
 
     @classmethod
     def of(
-        cls,
-        networks: Sequence[Network],
-        law: FiberLaw | Sequence[FiberLaw],
-        scale: float,
-        threads: int = 1,
-        residual_tolerance: float = Engine.residual_tolerance,
-        largest_number_of_iterations: int = Engine.largest_number_of_iterations,
-        largest_number_of_cuts: int = Engine.largest_number_of_cuts,
-        clock: Clock | None = None,
+        cls, networks: Sequence[Network], threads: int = 1, limits: Limits = LIMITS, clock: Clock | None = None
     ) -> Self:
-        """The material of one network per element, with a law for all or one for each; the rest as of `Engine`."""
-        limits = residual_tolerance, largest_number_of_iterations, largest_number_of_cuts
-        laws = [law] * len(networks) if isinstance(law, FiberLaw) else law
+        """The material of one network per element; the rest as of `Engine`."""
         clock = clock or Clock()
-        engines = tuple(
-            Engine.of(network, own, *limits, clock=clock) for network, own in zip(networks, laws, strict=True)
-        )
+        engines = tuple(network.engine(limits, clock) for network in networks)
+        scale = np.array([network.stress_unit_MPa for network in networks])
         return cls(engines, scale, 1 + max(engine.size for engine in engines), threads)
 
     def of_elements(self, elements: slice) -> Self:
         """The same law for a range of elements."""
         start = elements.indices(len(self.engines))[0]
-        return replace(self, engines=self.engines[elements], first_element=self.first_element + start)
+        return replace(
+            self, engines=self.engines[elements], scale=self.scale[elements], first_element=self.first_element + start
+        )
 
     def __call__(self, gradient: Array, state: State = None, near: State = None) -> tuple[Array, Array, NetworkState]:
         """P, A, both in MPa, and the new state, for F of shape (elements, Gauss points, 3, 3), at most eight points.
@@ -133,7 +123,7 @@ class FiberNetworks:
         filled = np.minimum(np.arange(LANES), points - 1)
         F = np.ascontiguousarray(np.moveaxis(np.asarray(gradient, dtype=float), 1, -1)[..., filled])
         P, A, new = self._moved(F, self._rest() if state is None else state, near)
-        P, A = (self.scale * np.moveaxis(values[..., :points], -1, 1) for values in (P, A))
+        P, A = (self.scale[:, None, None, None] * np.moveaxis(values[..., :points], -1, 1) for values in (P, A))
         return P, A.reshape(*shape[:2], 3, 3, 3, 3), new
 
     def energy(self, gradient: Array) -> Array:
@@ -146,7 +136,7 @@ class FiberNetworks:
                 engine.topology, engine.fibers, state.gradient[e], state.displacement[e], q
             )
         energies[~(np.linalg.det(gradient) > 0.0)] = np.nan
-        return self.scale * energies
+        return self.scale[:, None] * energies
 
     def node_position(self, state: NetworkState, element: int, point: int) -> Array:
         """Deformed positions of the nodes of a Gauss point's network in its own order, shape (nodes, 3), edges."""
@@ -179,12 +169,12 @@ class FiberNetworks:
         with np.errstate(invalid="ignore"):
             inverted = ~(np.linalg.det(np.moveaxis(F, -1, 1)) > 0.0)
         # At the F of the last equilibrium the answer is that of then, to the bit: a run that goes on needs its bend.
-        still = [near is None and np.array_equal(new.gradient[e], before.gradient[e]) for e in range(len(F))]
+        still = (before.gradient == F).all(axis=(1, 2, 3)) & (near is None)
+        goals = np.where(inverted[:, None, None], before.gradient, F)
         guarded: dict[int, Single] = {}
 
         def element(e: int) -> None:
-            engine, u = self.engines[e], new.displacement[e]
-            goal = np.where(inverted[e], before.gradient[e], F[e])
+            engine, u, goal = self.engines[e], new.displacement[e], goals[e]
             kernels.predict(engine.size, goal, start.gradient[e], start.displacement[e], start.rate[e], u)
             if near is None:
                 kernels.add_bend(engine.size, goal, before.gradient[e], before.increment[e], before.bend[e], u)

@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from fibrous.networks import banded_kernels as kernels
 from fibrous.networks.fiber_law import SECTION, FiberLaw
-from fibrous.networks.network import Network
+from fibrous.networks.geometry import Geometry
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -64,7 +64,7 @@ class Assembly:
     section : kA of the fibres over the network's kA, shape (fibers,) or (1,)
     """
 
-    def __init__(self, network: Network, law: FiberLaw) -> None:
+    def __init__(self, network: Geometry, law: FiberLaw) -> None:
         self.network, self.law = network, law
         interior = np.flatnonzero(~network.node_is_boundary)
         self.size = len(interior)

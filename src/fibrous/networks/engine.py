@@ -1,9 +1,9 @@
 """Equilibria of one network under eight deformation gradients at a time: the engine of every computation with networks.
 
-Newton's method on the energy, stable states only. The eight lanes share a topology and nothing else: each starts from a
-prediction, takes full steps where its Hessian is positive definite, leaves just enough of compressed fibres' negative
-tension out of it where it is not, and shortens steps that do not go down in energy. A lane that finds no stable
-equilibrium that way is handed to `guard`, which goes from the last equilibrium in shorter parts.
+Newton's method on the energy, stable states only; `relaxation` iterates. The eight lanes share a topology and nothing
+else: each starts from a prediction, takes full steps where its Hessian is positive definite, leaves just enough of
+compressed fibres' negative tension out of it where it is not, and shortens steps that do not go down in energy. A lane
+that finds no stable equilibrium that way is handed to `guard`, which goes from the last equilibrium in shorter parts.
 """
 
 from __future__ import annotations
@@ -19,38 +19,22 @@ from numpy.typing import NDArray
 
 from fibrous.clock import Clock
 from fibrous.errors import ConvergenceError, NetworkError
-from fibrous.networks import kernels
-from fibrous.networks.elimination import Elimination, factorize, solve
+from fibrous.networks import kernels, relaxation
+from fibrous.networks.elimination import Elimination, solve
 from fibrous.networks.fiber_law import FiberLaw, Fibers
-from fibrous.networks.guard import (
-    FIRST_SHARE,
-    FLAT,
-    LARGEST_MOVE,
-    SHORTEST,
-    SINGULAR,
-    SUFFICIENT,
-    EquilibriumSolver,
-)
+from fibrous.networks.geometry import Geometry
+from fibrous.networks.guard import LARGEST_MOVE, LIMITS, SINGULAR, EquilibriumSolver, Limits
 from fibrous.networks.kernels import Topology
 from fibrous.networks.lanes import LANES
-from fibrous.networks.network import Network
+from fibrous.networks.relaxation import CONVERGED, STUCK, Space
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 Count = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-#: What became of a lane.
-RUNNING, CONVERGED, STUCK = range(3)
-# A factor is used again where the last step shrank the residual at least to this part, and this many steps as good as
-# the last would reach the tolerance. Rates ∂u/∂F that come from such a factor miss by as much, a tangent by its square.
-SHARP = 0.01
-REUSED = 3
-# Least fall of the residual in a step of the quick way.
-FALL = 0.5
-
 #: Parts of the work.
-ASSEMBLY, FACTORISATION, CONDENSATION = "assembly", "factorisation", "condensation"
+EQUILIBRIUM, CONDENSATION = "equilibrium", "condensation"
 
 
 class Room:
@@ -59,14 +43,12 @@ class Room:
     Attributes
     ----------
     holds : whose forces and factor are in the room, None where nobody may rely on them
-    factored : fluctuation at which the factor was made
     """
 
     def __init__(self) -> None:
         self._memory: dict[str, Array] = {}
         self._views: dict[tuple[str, tuple[int, ...]], Array] = {}
         self.holds: object = None
-        self.factored = np.empty(0)
 
     def array(self, name: str, *shape: int) -> Array:
         """The array of that name, contiguous, with eight lanes behind `shape`; what it held before is undefined."""
@@ -143,7 +125,7 @@ class PathState(NamedTuple):
     indefinite: Count
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Engine:
     """Newton's method for a network with a fibre law, in eight lanes.
 
@@ -152,33 +134,21 @@ class Engine:
     network : as it is; law : of its fibres
     nodes : its number of the node at each place of the order of elimination, shape (n,)
     topology, fibers : for compiled code
-    residual_tolerance : ‖r‖ ≤ tolerance √n max(1, f_rms), with n interior nodes and forces in kA
-    largest_number_of_iterations : of one attempt at an F; the lanes, and each part of the guard's way, are attempts
-    largest_number_of_cuts : how often the guard halves the way to an F before it is given up
-    clock : counts CPU seconds of forces and Hessians (`assembly`), of the `factorisation` with the solution for a move,
-        and of the `condensation` with the rates
+    limits : the lanes, and each part of the guard's way, are attempts at an F
+    clock : counts CPU seconds of `equilibrium`, which is forces, Hessians, factors and moves, and of the `condensation`
+        with the rates
     """
 
-    network: Network
+    network: Geometry
     law: FiberLaw
     nodes: NDArray[np.int64]
     topology: Topology
     fibers: Fibers
-    residual_tolerance: float = 1e-11
-    largest_number_of_iterations: int = 60
-    largest_number_of_cuts: int = 6
+    limits: Limits = LIMITS
     clock: Clock = field(default_factory=Clock)
 
     @classmethod
-    def of(
-        cls,
-        network: Network,
-        law: FiberLaw,
-        residual_tolerance: float = 1e-11,
-        largest_number_of_iterations: int = 60,
-        largest_number_of_cuts: int = 6,
-        clock: Clock | None = None,
-    ) -> Self:
+    def of(cls, network: Geometry, law: FiberLaw, limits: Limits = LIMITS, clock: Clock | None = None) -> Self:
         """The engine of a network, ordered so that factors of its Hessian have few blocks."""
         interior = np.flatnonzero(~network.node_is_boundary)
         number = np.full(len(network.node_position), len(interior))
@@ -193,17 +163,7 @@ class Engine:
         tails, heads = (np.ascontiguousarray(end, dtype=np.int32) for end in ends.T)
         lists = elimination.starts, elimination.rows, elimination.leaders
         topology = Topology(network.fiber_vectors, tails, heads, pairs, *lists)
-        return cls(
-            network,
-            law,
-            nodes,
-            topology,
-            law.fibers(network.fiber_lengths),
-            residual_tolerance,
-            largest_number_of_iterations,
-            largest_number_of_cuts,
-            clock or Clock(),
-        )
+        return cls(network, law, nodes, topology, law.fibers(network.fiber_lengths), limits, clock or Clock())
 
     @property
     def size(self) -> int:
@@ -213,8 +173,7 @@ class Engine:
     @property
     def guard(self) -> EquilibriumSolver:
         """The method for what leaves the lanes."""
-        limits = self.residual_tolerance, self.largest_number_of_iterations, self.largest_number_of_cuts
-        return EquilibriumSolver.of(self.network, self.law, *limits)
+        return EquilibriumSolver.of(self.network, self.law, self.limits)
 
     def relax(self, F: Array, u: Array, quick: bool = False, least_pivot: float = 0.0) -> Relaxed:
         """Bring the lanes to equilibrium at F, shape (3, 3, 8), from predictions u, (≥ n + 1, 3, 8), in place.
@@ -227,7 +186,13 @@ class Engine:
         The `quick` way is for predictions that are nearly right: a lane is stuck at the first sign of trouble, which is
         a Hessian that is not positive definite, or a step that is long or leaves more than half of the residual.
         """
-        return _Relaxation(self, F, u, quick, least_pivot).run()
+        limits = self.limits.residual_tolerance, self.limits.largest_number_of_iterations
+        space = self._space()
+        with self.clock.of(EQUILIBRIUM):
+            status, steps, indefinite, residual = relaxation.relax(
+                self.topology, self.fibers, space, F, u, *limits, quick, least_pivot
+            )
+        return Relaxed(status, steps, np.zeros_like(steps), indefinite, residual, status == CONVERGED)
 
     def reach(self, F: Array, u: Array, from_F: Array, from_u: Array, quick: bool = False) -> Relaxed:
         """`relax`, and other ways for lanes that are stuck, from equilibria at `from_F` and `from_u`, shaped alike.
@@ -282,7 +247,7 @@ class Engine:
             self._pull(F, np.zeros_like(u))
             d, stiffness = self._forces()
             kernels.soften(d, stiffness, np.ones((1, LANES)), stiffness)
-            if self._factorize(stiffness, SINGULAR)[0].all():
+            if self._factorize(stiffness, SINGULAR).all():
                 raise NetworkError(
                     "the network finds no equilibrium at rest: let the fibers' rest lengths differ less from 1, or "
                     "allow more iterations and a larger residual"
@@ -293,8 +258,9 @@ class Engine:
             )
         nothing = np.zeros(LANES, dtype=np.int64)
         no = np.zeros(LANES, dtype=bool)
-        factored = room().factored
-        state = PathState(F, u, factored, F, u, np.zeros_like(u), no, ~no, relaxed.steps, nothing, relaxed.indefinite)
+        state = PathState(
+            F, u, self._factored(), F, u, np.zeros_like(u), no, ~no, relaxed.steps, nothing, relaxed.indefinite
+        )
         room().holds = state
         return state
 
@@ -324,7 +290,7 @@ class Engine:
         new = PathState(
             np.where(converged, F, state.gradient),
             u,
-            space.factored,
+            self._factored(),
             state.gradient,
             state.displacement,
             rate,
@@ -412,25 +378,18 @@ class Engine:
 
     def _pull(self, F: Array, u: Array) -> tuple[Array, Array]:
         """Forces at F and u into the room; ‖r‖ and √n max(1, f_rms), shape (8,)."""
-        space, sums = room(), np.empty((2, LANES))
-        space.holds = None
-        with self.clock.of(ASSEMBLY):
-            residual = space.array("residual", self.size + 1, 3)
-            kernels.pull(self.topology, self.fibers, F, u, *self._forces(), residual, sums)
-        count = len(self.fibers.rest_lengths)
-        return np.sqrt(sums[0]), np.sqrt(self.size) * np.maximum(1.0, np.sqrt(sums[1] / count))
+        norm, scale = np.empty((2, LANES))
+        space = self._space()
+        with self.clock.of(EQUILIBRIUM):
+            relaxation.balance(self.topology, self.fibers, space, F, u, norm, scale)
+        return norm, scale
 
-    def _factorize(self, stiffness: Array, least_pivot: float) -> tuple[Mask, Mask]:
-        """The factors of Hessians with the fibres' blocks into the room.
-
-        Returns in which lanes they are positive definite, and in which by so much that those near by are, too.
-        """
+    def _factorize(self, stiffness: Array, least_pivot: float) -> Mask:
+        """The factors of Hessians with the fibres' blocks into the room; in which lanes they are positive definite."""
         factor, slack = self._factor(), np.empty((2, LANES))
-        with self.clock.of(ASSEMBLY):
-            kernels.assemble(self.topology, self._forces()[0], stiffness, factor)
-        with self.clock.of(FACTORISATION):
-            factorize(*self.topology[-3:], factor, least_pivot, slack)
-        return slack[0] > 0.0, slack[1] > 0.0
+        with self.clock.of(EQUILIBRIUM):
+            relaxation.hessian(self.topology, self._forces()[0], stiffness, factor, least_pivot, slack)
+        return slack[0] > 0.0
 
     def _forces(self) -> tuple[Array, Array]:
         """End-to-end vectors, shape (fibers, 3, 8), and stiffness of the fibres, (fibers, 2, 8), in the room."""
@@ -440,167 +399,30 @@ class Engine:
     def _factor(self) -> Array:
         return room().array("factor", len(self.topology.rows), 9)
 
+    def _factored(self) -> Array:
+        """A copy of the fluctuation at which the factor was made, shape (n + 1, 3, 8)."""
+        u = np.zeros((self.size + 1, 3, LANES))
+        u[: self.size] = room().array("factored", self.size, 3)
+        return u
 
-class _Relaxation:
-    """One call of `Engine.relax`: what its lanes are at."""
-
-    def __init__(self, engine: Engine, F: Array, u: Array, quick: bool, least_pivot: float) -> None:
-        self.engine, self.F, self.u = engine, F, u
-        self.quick, self.least_pivot = quick, least_pivot
-        self.status, self.steps = np.full(LANES, RUNNING), np.zeros(LANES, dtype=np.int64)
-        self.indefinite = np.zeros(LANES, dtype=np.int64)
-        #: Whether the factor in the room is that of a Hessian as it is, with nothing left out.
-        self.definite = np.zeros(LANES, dtype=bool)
-        #: Whether that Hessian is so by enough for those near by; whether the step at hand began at a definite one.
-        self.steady, self.sound = self.definite.copy(), self.definite.copy()
-        #: Where each lane's step began, its full length, what is taken of it, its slope, and whether it is being tried.
-        self.start = room().array("start", engine.size, 3)
-        self.move = room().array("move", engine.size, 3)
-        self.fraction, self.slope = np.ones(LANES), np.zeros((1, LANES))
-        self.start_energy = np.full(LANES, np.nan)
-        self.trying = np.zeros(LANES, dtype=bool)
-        #: Lanes whose Hessian is indefinite.
-        self.blended = np.zeros(LANES, dtype=bool)
-
-    def run(self) -> Relaxed:
-        """Iterate until no lane runs."""
-        engine, status = self.engine, self.status
-        before, factored = np.full(LANES, np.inf), False
-        # A trial may leave the range of floats; it is given up for that.
-        with np.errstate(all="ignore"):
-            while True:
-                norm, bound = engine._pull(self.F, self.u)
-                bound *= engine.residual_tolerance
-                good = norm <= bound
-                self._judge(good, np.isfinite(norm + bound), norm <= FALL * before)
-                ready = (status == RUNNING) & ~self.trying
-                status[ready & (~np.isfinite(norm + bound) | ((self.steps == self._limit) & ~good))] = STUCK
-                shrunk = norm / before
-                status[ready & good & self.definite & self.steady & (shrunk <= SHARP)] = CONVERGED
-                reusable = self.definite & (shrunk <= SHARP) & (norm * shrunk**REUSED <= bound)
-                ready &= status == RUNNING
-                # Lanes in balance wait for the others: one factor tells of all whether they are stable.
-                waiting = ready & good
-                if not self.quick and (waiting != (status == RUNNING)).any():
-                    ready &= ~waiting
-                reusable &= ~good
-                if ready.any() and (not factored or (ready & ~reusable).any()):
-                    self._factorize(ready, good)
-                    factored = True
-                    ready &= status == RUNNING
-                if not (status == RUNNING).any():
-                    residual = engine.residual_tolerance * norm / np.maximum(bound, 1e-300)
-                    no_cuts = np.zeros(LANES, dtype=np.int64)
-                    return Relaxed(status, self.steps, no_cuts, self.indefinite, residual, status == CONVERGED)
-                if ready.any():
-                    self._step(ready)
-                    before = np.where(ready, norm, before)
-
-    @property
-    def _limit(self) -> int:
-        return self.engine.largest_number_of_iterations
-
-    def _judge(self, good: Mask, finite: Mask, fallen: Mask) -> None:
-        """Accept or shorten the steps that are being tried.
-
-        With a definite Hessian a step is accepted without asking the energy, whose digits end sooner than the
-        residual's, where the slope along the step has fallen to a part of its first value; else where it lowers the
-        energy enough.
-        """
-        trying = self.trying & (self.status == RUNNING)
-        if not trying.any():
-            return
-        if self.quick:
-            self.status[trying & ~(good | fallen)] = STUCK
-            self.trying[:] = False
-            return
-        engine, slope = self.engine, np.empty((1, LANES))
-        kernels.dot(engine.size, self.move, room().array("residual", engine.size + 1, 3), slope)
-        flat = good | (np.abs(slope[0]) <= FLAT * np.abs(self.slope[0]))
-        accepted = trying & finite & self.sound & flat
-        doubtful = trying & ~accepted
-        if doubtful.any():
-            refused = doubtful.copy()
-            for q in np.flatnonzero(doubtful).tolist():
-                refused[q] = not self._lower(q)
-            accepted |= doubtful & ~refused
-            self.fraction[refused] *= 0.5
-            self.status[refused & (self.fraction <= SHORTEST)] = STUCK
-            moved = self.start + self.fraction * self.move
-            self.u[: engine.size] = np.where(refused, moved, self.u[: engine.size])
-        self.trying &= ~accepted
-
-    def _lower(self, q: int) -> bool:
-        """Whether the step of a lane lowers its energy by enough of what the slope promises."""
-        engine = self.engine
-        if np.isnan(self.start_energy[q]):
-            u = np.zeros_like(self.u)
-            u[: engine.size, :, q] = self.start[..., q]
-            self.start_energy[q] = kernels.stored_energy(engine.topology, engine.fibers, self.F, u, q)
-        energy = kernels.stored_energy(engine.topology, engine.fibers, self.F, self.u, q)
-        promised = SUFFICIENT * self.fraction[q] * self.slope[0, q]
-        return bool(energy < self.start_energy[q] + promised)
-
-    def _factorize(self, ready: Mask, good: Mask) -> None:
-        """Factors of all lanes, with negative tension left out where it must be; `good` lanes are in balance."""
-        engine, status = self.engine, self.status
-        self.definite, self.steady = engine._factorize(engine._forces()[1], self.least_pivot)
-        if not self.quick:
-            room().factored = self.u.copy()
-        # What was factorised of a lane in the midst of a step is a point that it has left, and tells nothing of it.
-        self.definite &= ~self.trying
-        self.indefinite += ready & ~self.definite
-        status[ready & good & self.definite] = CONVERGED
-        # What was believed to be stable may turn out not to be.
-        status[(status == CONVERGED) & ~self.definite] = STUCK
-        # A stationary point that is no minimum is left by the guard.
-        status[ready & (good | self.quick) & ~self.definite] = STUCK
-        self.blended = ready & (status == RUNNING) & ~self.definite
-
-    def _blended(self, q: int, move: Array) -> bool:
-        """Fill `move`, (n, 3), with K⁻¹ r of a lane, where K lacks the least of some fractions of negative tension.
-
-        The eight lanes try the fractions side by side. Returns whether one of them makes K positive definite.
-        """
-        engine, space = self.engine, room()
-        d, stiffness = engine._forces()
-        vectors, blocks = space.array("lane's vectors", len(d), 3), space.array("lane's stiffness", len(d), 2)
-        softened, right = space.array("softened", len(d), 2), space.array("lane's move", engine.size, 3, 1)
-        kernels.spread_lane(q, d, vectors)
-        kernels.spread_lane(q, stiffness, blocks)
-        kernels.spread_lane(q, space.array("residual", engine.size + 1, 3), right[:, :, 0])
-        kernels.soften(vectors, blocks, np.minimum(FIRST_SHARE * 3.0 ** np.arange(LANES), 1.0)[None], softened)
-        factor, slack = space.array("lane's factor", len(engine.topology.rows), 9), np.empty((2, LANES))
-        with engine.clock.of(ASSEMBLY):
-            kernels.assemble(engine.topology, vectors, softened, factor)
-        with engine.clock.of(FACTORISATION):
-            factorize(*engine.topology[-3:], factor, self.least_pivot, slack)
-            solve(engine.topology.starts, engine.topology.rows, factor, right)
-        definite = np.flatnonzero(slack[0] > 0.0)
-        if definite.size:
-            move[...] = right[:, :, 0, definite[0]]
-        return bool(definite.size)
-
-    def _step(self, ready: Mask) -> None:
-        """Newton's step of the lanes that are ready."""
-        engine, size = self.engine, self.engine.size
-        residual, right = room().array("residual", size + 1, 3), room().array("newton", size, 3, 1)
-        with engine.clock.of(FACTORISATION):
-            right[:, :, 0] = residual[:size]
-            solve(engine.topology.starts, engine.topology.rows, engine._factor(), right)
-        for q in np.flatnonzero(self.blended).tolist():
-            if not self._blended(q, right[:, :, 0, q]):
-                self.status[q], ready[q] = STUCK, False
-        self.blended[:] = False
-        if self.quick:
-            self.status[ready & (np.abs(right).max(axis=(0, 1, 2)) > LARGEST_MOVE)] = STUCK
-        moving = ready[None].astype(float)
-        kernels.begin_step(residual, right, moving, LARGEST_MOVE, self.u, self.start, self.move, self.slope)
-        self.sound = np.where(ready, self.definite, self.sound)
-        self.fraction[ready] = 1.0
-        self.start_energy = np.where(ready, np.nan, self.start_energy)
-        self.steps += ready
-        self.trying |= ready
+    def _space(self) -> Space:
+        """What the room has for this network, to be written over."""
+        array, n, fibers, blocks = room().array, self.size, len(self.fibers.rest_lengths), len(self.topology.rows)
+        room().holds = None
+        return Space(
+            *self._forces(),
+            array("residual", n + 1, 3),
+            self._factor(),
+            array("factored", n, 3),
+            array("right", n, 3, 1),
+            array("start", n + 1, 3),
+            array("move", n, 3),
+            array("lane's vectors", fibers, 3),
+            array("lane's stiffness", fibers, 2),
+            array("lane's softened", fibers, 2),
+            array("lane's factor", blocks, 9),
+            array("lane's right", n, 3, 1),
+        )
 
 
 def _limited(move: Array) -> Array:

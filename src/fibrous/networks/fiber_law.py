@@ -1,6 +1,6 @@
 """Laws of a fibre: reduced force, stiffness and energy as functions of its stretch (Eq. 6, and a fibre that buckles).
 
-A fibre of rest length L and axial stiffness kA has the force kA f(λ) and the energy kA L w(λ), w = ∫ f dλ from 1, at
+A fibre of rest length L, modulus k and section A has the force kA f(λ) and the energy kA L w(λ), w = ∫ f dλ from 1, at
 the stretch λ = length/L. Every law stands here once, as compiled functions of a stretch and two constants that work on
 eight numbers at a time; the engine, the guard and the laws of tissue all call them.
 
@@ -11,7 +11,8 @@ of `FiberLaw`.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, fields
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -130,13 +131,15 @@ def _evaluate(kind: int, stretch: Array, first: Array, second: Array, result: Ar
             store(result, (m, 2), energy(kind, x, a, b))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class FiberLaw(ABC):
-    """What all laws share: sections and rest lengths of the fibres.
+    """What all laws share: how stiff, thick and long the fibres are. Arguments are named.
 
     Parameters
     ----------
-    section : kA of a fibre over the network's kA, above 0, a number or shape (fibers,)
+    modulus_MPa : k, above 0
+    radius_um : R, above 0; the section is A = π R²
+    section : of a fibre over A, above 0, a number or shape (fibers,)
     rest_length : a fibre's length without force over the distance of its ends in the network as it is given, above 0,
         a number or shape (fibers,); other numbers than 1 put the network under stress at rest
 
@@ -145,12 +148,30 @@ class FiberLaw(ABC):
 
     kind: ClassVar[int]
 
-    section: Number = field(default=1.0, kw_only=True)
-    rest_length: Number = field(default=1.0, kw_only=True)
+    modulus_MPa: float
+    radius_um: float
+    section: Number = 1.0
+    rest_length: Number = 1.0
 
     def __post_init__(self) -> None:
+        for name in ("modulus_MPa", "radius_um"):
+            _check(name, getattr(self, name), _positive, "a number above 0", per_fiber=False)
         for name in ("section", "rest_length"):
-            _check(name, getattr(self, name), lambda value: value > 0.0, "a number above 0")
+            _check(name, getattr(self, name), _positive, "a number above 0")
+
+    def __repr__(self) -> str:
+        """Its class and the numbers that are not the default."""
+        numbers = (
+            f"{entry.name}={_shown(getattr(self, entry.name))}"
+            for entry in fields(self)
+            if np.ndim(getattr(self, entry.name)) or getattr(self, entry.name) != entry.default
+        )
+        return f"{type(self).__name__}({', '.join(numbers)})"
+
+    @property
+    def section_um2(self) -> float:
+        """A = π R², µm²."""
+        return float(np.pi * self.radius_um**2)
 
     @abstractmethod
     def constants(self) -> tuple[Number, Number]:
@@ -198,20 +219,23 @@ class FiberLaw(ABC):
         return result.transpose(1, 0, 2).reshape(3, -1)[:, : stretch.size].reshape(3, *stretch.shape)
 
 
-@dataclass(frozen=True, eq=False)
-class ExponentialFiber(FiberLaw):
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Fiber(FiberLaw):
     """Force f = (exp[B E] − 1)/B with E = (λ² − 1)/2 (Eq. 6).
 
     Parameters
     ----------
     nonlinearity : B > 0, a number or shape (fibers,)
-    linear_beyond : stretch above 1 beyond which the force continues along its tangent, a number or shape (fibers,);
-        infinity for Eq. 6 as printed
-    section, rest_length : as of `FiberLaw`
+    linear_beyond_stretch : stretch above 1 beyond which the force continues along its tangent, a number or shape
+        (fibers,); infinity for Eq. 6 as printed
+    modulus_MPa, radius_um, section, rest_length : as of `FiberLaw`
 
     Raises ConfigError for numbers outside these ranges.
 
-    >>> force, stiffness = ExponentialFiber(2.5).response(1.0)
+    >>> fiber = Fiber(modulus_MPa=10.0, nonlinearity=2.5, radius_um=0.1)
+    >>> fiber
+    Fiber(modulus_MPa=10.0, radius_um=0.1, nonlinearity=2.5)
+    >>> force, stiffness = fiber.response(1.0)
     >>> float(force), float(stiffness)
     (0.0, 1.0)
     """
@@ -219,30 +243,30 @@ class ExponentialFiber(FiberLaw):
     kind: ClassVar[int] = EXPONENTIAL
 
     nonlinearity: Number
-    linear_beyond: Number = np.inf
+    linear_beyond_stretch: Number = np.inf
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check("nonlinearity", self.nonlinearity, lambda value: np.isfinite(value) & (value > 0.0), "a number above 0")
-        _check("linear_beyond_stretch", self.linear_beyond, lambda value: value > 1.0, "above 1")
+        _check("nonlinearity", self.nonlinearity, _positive, "a number above 0")
+        _check("linear_beyond_stretch", self.linear_beyond_stretch, lambda value: value > 1.0, "above 1")
 
     def constants(self) -> tuple[Number, Number]:
         """B and the stretch beyond which the force is linear."""
-        return self.nonlinearity, self.linear_beyond
+        return self.nonlinearity, self.linear_beyond_stretch
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class BucklingFiber(FiberLaw):
     """A linear fibre, f = λ − 1, with another stiffness in compression: f = c (λ − 1) for λ < 1.
 
     Parameters
     ----------
     compressive : c > 0, stiffness in compression over that in tension, a number or shape (fibers,)
-    section, rest_length : as of `FiberLaw`
+    modulus_MPa, radius_um, section, rest_length : as of `FiberLaw`
 
     Raises ConfigError for numbers outside these ranges.
 
-    >>> BucklingFiber(0.1).response([0.9, 1.0, 1.1])[0].round(12).tolist()
+    >>> BucklingFiber(modulus_MPa=10.0, compressive=0.1, radius_um=0.1).response([0.9, 1.0, 1.1])[0].round(12).tolist()
     [-0.01, 0.0, 0.1]
     """
 
@@ -252,18 +276,32 @@ class BucklingFiber(FiberLaw):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check("compressive", self.compressive, lambda value: np.isfinite(value) & (value > 0.0), "a number above 0")
+        _check("compressive", self.compressive, _positive, "a number above 0")
 
     def constants(self) -> tuple[Number, Number]:
         """c, and nothing more."""
         return self.compressive, 0.0
 
 
-def _check(name: str, value: Number, allowed, range_: str) -> None:  # type: ignore[no-untyped-def]
+#: Laws by the name that files have for them.
+FIBER_LAWS: dict[str, type[FiberLaw]] = {"exponential": Fiber, "buckling": BucklingFiber}
+
+
+def _positive(values: Array) -> NDArray[np.bool_]:
+    return np.isfinite(values) & (values > 0.0)
+
+
+def _check(
+    name: str, value: Number, allowed: Callable[[Array], NDArray[np.bool_]], range_: str, per_fiber: bool = True
+) -> None:
     """Raise ConfigError, naming the fibre if there are numbers per fibre, where `value` is out of range."""
     values = np.asarray(value, dtype=float)
     bad = np.flatnonzero(~allowed(values))
-    if values.ndim > 1 or bad.size:
-        where = f" of fiber {bad[0]}" if values.ndim == 1 else ""
+    if values.ndim > per_fiber or bad.size:
+        where = f" of fiber {bad[0]}" if values.ndim == 1 and bad.size else ""
         shown = values.ravel()[bad[0]] if bad.size else f"of shape {values.shape}"
         raise ConfigError(f"fiber.{name}{where} is {shown}; it must be {range_}")
+
+
+def _shown(value: Number) -> str:
+    return f"<{np.size(value)} numbers>" if np.ndim(value) else f"{value}"

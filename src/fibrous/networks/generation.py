@@ -1,8 +1,8 @@
-"""Delaunay networks of a wanted alignment and volume fraction (sections 2.3 and 2.4, Eqs. 3 and 5).
+"""Networks of a wanted alignment and volume fraction (sections 2.3 and 2.4, Eqs. 3 and 5).
 
-A random cloud is triangulated once; its edges are the fibres. The cloud is stretched until the fibres inside a cube
-have the target structure tensor, and the cube is sized until they have the target volume fraction. Both are
-root-findings on one triangulation, so a network follows from its seed and target alone.
+Delaunay networks: a random cloud is triangulated once; its edges are the fibres. The cloud is stretched until the
+fibres inside a cube have the target structure tensor, and the cube is sized until they have the target volume
+fraction. Both are root-findings on one triangulation, so a network follows from its seed and target alone.
 """
 
 from __future__ import annotations
@@ -10,12 +10,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq, root
 from scipy.spatial import Delaunay
 
-from fibrous.errors import NetworkError
-from fibrous.networks.network import Network, checked, structure_tensor
+from fibrous.errors import NetworkError, naming
+from fibrous.networks.fiber_law import FiberLaw
+from fibrous.networks.geometry import Geometry
+from fibrous.networks.network import Network
 
 Array = NDArray[np.float64]
 
@@ -113,18 +115,54 @@ def network_seed(ensemble_seed: int, ensemble: str, number: int) -> int:
     return int(np.random.SeedSequence(words).generate_state(1, np.uint64)[0] >> np.uint64(1))
 
 
-def delaunay_network(target: Array, total_length: float, seed: int, tolerance: float) -> Network:
-    """A Delaunay network in the unit cube with a given structure tensor and total fibre length.
+def delaunay(
+    H: ArrayLike, fiber: FiberLaw, volume_fraction: float, edge_um: float, seed: int, tolerance: float = 0.01
+) -> Network:
+    """A Delaunay network of an alignment and a volume fraction.
 
     Parameters
     ----------
-    target : structure tensor, shape (3, 3), trace 1, positive definite
-    total_length : total fibre length in edges of the cube, met to rounding
+    H : structure tensor, shape (3, 3), positive definite and of trace 1, or its diagonal, shape (3,)
+    fiber : law, modulus and radius of all fibres
+    volume_fraction : φ, met to rounding
+    edge_um : edge χ of the cube
     seed : of the cloud of points
     tolerance : largest |H − target| over the components of the network's own H
 
-    Raises NetworkError where the target cannot be met or the cube would hold too few nodes.
+    Raises NetworkError where H cannot be met or the cube would hold too few nodes.
+
+    >>> from fibrous import Fiber
+    >>> fiber = Fiber(modulus_MPa=10.0, nonlinearity=2.5, radius_um=0.1)
+    >>> delaunay((0.5, 0.3, 0.2), fiber, volume_fraction=0.04, edge_um=8.0, seed=1, tolerance=0.02)
+    <Network: 257 fibres, 19 interior nodes, H = (0.50, 0.30, 0.20), φ = 0.040>
     """
+    target = _target(H)
+    for name, value in (("volume_fraction", volume_fraction), ("edge_um", edge_um), ("tolerance", tolerance)):
+        if not 0.0 < value < np.inf:
+            raise NetworkError(f"{name} is {value}; it must be a number above 0")
+    if np.ndim(fiber.section):
+        raise NetworkError("fiber.section must be a number: how many fibers there will be is not known")
+    # Eq. 5 solved for the length, in edges.
+    total_length = volume_fraction * edge_um**2 / (np.pi * fiber.radius_um**2) / float(fiber.section)
+    geometry = _aligned(target, total_length, seed, tolerance)
+    with naming("generated network"):
+        return Network(**vars(geometry), fiber=fiber, edge_um=edge_um)
+
+
+def _target(H: ArrayLike) -> Array:
+    """H as a tensor, shape (3, 3). Raises NetworkError for what is no structure tensor."""
+    target = np.asarray(H, dtype=float)
+    if target.shape == (3,):
+        target = np.diag(target)
+    if target.shape != (3, 3) or not np.allclose(target, target.T) or not abs(np.trace(target) - 1.0) < 1e-6:
+        raise NetworkError(
+            f"H is {np.asarray(H).tolist()}; it must be three numbers of sum 1, or a symmetric 3 × 3 tensor of trace 1"
+        )
+    return target
+
+
+def _aligned(target: Array, total_length: float, seed: int, tolerance: float) -> Geometry:
+    """Fibres of the total length, in edges, and of the target's alignment to within the tolerance."""
     cube = np.sqrt(total_length / LENGTH_DENSITY)
     if cube < 1.5:
         raise NetworkError(
@@ -133,24 +171,23 @@ def delaunay_network(target: Array, total_length: float, seed: int, tolerance: f
         )
     stretch = stretch_tensor_for(target)
     cloud, edges = _triangulated(stretch, cube, np.random.default_rng(seed))
-    asked, best, best_error = target, None, np.inf
+    asked, best_error = target, np.inf
     for _ in range(20):
         try:
-            network = _cut(cloud @ stretch_tensor_for(asked), edges, total_length, cube)
+            geometry = _cut(cloud @ stretch_tensor_for(asked), edges, total_length, cube)
         except NetworkError:
-            if best is None:
+            if best_error == np.inf:
                 raise
             break
-        error = structure_tensor(network.fiber_vectors) - target
-        if np.abs(error).max() < best_error:
-            best, best_error = network, float(np.abs(error).max())
+        error = geometry.structure_tensor - target
+        best_error = min(best_error, float(np.abs(error).max()))
         if best_error <= tolerance:
-            return checked(network, "generated network")
+            return geometry
         asked = asked - error
         asked = asked / np.trace(asked)
     raise NetworkError(
         f"the structure tensor {np.diag(target).round(4).tolist()} is missed by {best_error:.2g}, more than "
-        f"alignment_tolerance {tolerance:g}; raise the tolerance or enlarge the cube"
+        f"the tolerance {tolerance:g}; raise it or enlarge the cube"
     )
 
 
@@ -169,7 +206,7 @@ def _triangulated(stretch: Array, cube: float, generator: np.random.Generator) -
     return cloud, np.stack(np.divmod(pairs, len(cloud)), axis=1)
 
 
-def _cut(points: Array, edges: NDArray[np.int64], total_length: float, cube: float) -> Network:
+def _cut(points: Array, edges: NDArray[np.int64], total_length: float, cube: float) -> Geometry:
     """The edges inside a cube about the origin, scaled to the unit cube, with the cube sized to the total length."""
     near = _solve(lambda size: _clipped_length(points / size, edges) - total_length, cube)
     snapped = _snapped(points / near)
@@ -225,8 +262,8 @@ def _clipped_length(points: Array, edges: NDArray[np.int64]) -> float:
     return float(((leave - enter) * np.linalg.norm(vector, axis=1)).sum())
 
 
-def _clipped(points: Array, edges: NDArray[np.int64]) -> Network:
-    """The network of the pieces inside the unit cube: cut ends and nodes on faces are boundary nodes."""
+def _clipped(points: Array, edges: NDArray[np.int64]) -> Geometry:
+    """The pieces inside the unit cube: cut ends and nodes on faces are boundary nodes."""
     crossing, start, vector, enter, leave = _pieces(points, edges)
     count = len(points)
     ends = edges[crossing]
@@ -243,7 +280,7 @@ def _clipped(points: Array, edges: NDArray[np.int64]) -> Network:
     used, ends = np.unique(ends, return_inverse=True)
     position = position[used]
     boundary = (used >= count) | (np.abs(position) == 0.5).any(axis=1)
-    return Network(position, boundary, ends.reshape(-1, 2).astype(np.int64))
+    return Geometry(position, boundary, ends.reshape(-1, 2).astype(np.int64))
 
 
 def _to_face(position: Array) -> Array:

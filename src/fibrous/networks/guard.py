@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from fibrous.errors import ConvergenceError, NetworkError
 from fibrous.networks.banded import Assembly, Point
 from fibrous.networks.fiber_law import FiberLaw
-from fibrous.networks.network import Network
+from fibrous.networks.geometry import Geometry
 
 Array = NDArray[np.float64]
 
@@ -35,6 +35,24 @@ SUFFICIENT = 1e-4
 SHORTEST = 1e-10
 # Least pivot of the rest Hessian, over the diagonal element it came from, that tells a structure from a mechanism.
 SINGULAR = 1e-12
+
+
+@dataclass(frozen=True)
+class Limits:
+    """When a network is in equilibrium, and how hard to try.
+
+    residual_tolerance : ‖r‖ ≤ tolerance √n max(1, f_rms), with n interior nodes and forces in kA
+    largest_number_of_iterations : of Newton's method in one attempt at an F
+    largest_number_of_cuts : how often the way to an F is halved before it is given up
+    """
+
+    residual_tolerance: float = 1e-11
+    largest_number_of_iterations: int = 60
+    largest_number_of_cuts: int = 6
+
+
+#: Those of whoever asks for none.
+LIMITS = Limits()
 
 
 @dataclass(frozen=True)
@@ -68,32 +86,15 @@ class _Reached:
 
 @dataclass(frozen=True)
 class EquilibriumSolver:
-    """Newton's method for one network.
-
-    Parameters
-    ----------
-    assembly : the network in the order of its band
-    residual_tolerance : ‖r‖ ≤ tolerance √n max(1, f_rms), with n interior nodes and forces in kA
-    largest_number_of_iterations : for one F
-    largest_number_of_cuts : how often the way to an F is halved before it is given up
-    """
+    """Newton's method for one network, `assembly` in the order of its band, within `limits`."""
 
     assembly: Assembly
-    residual_tolerance: float = 1e-11
-    largest_number_of_iterations: int = 60
-    largest_number_of_cuts: int = 6
+    limits: Limits = LIMITS
 
     @classmethod
-    def of(
-        cls,
-        network: Network,
-        law: FiberLaw,
-        residual_tolerance: float = 1e-11,
-        largest_number_of_iterations: int = 60,
-        largest_number_of_cuts: int = 6,
-    ) -> EquilibriumSolver:
+    def of(cls, network: Geometry, law: FiberLaw, limits: Limits = LIMITS) -> EquilibriumSolver:
         """The solver of a network with a fibre law."""
-        return cls(Assembly(network, law), residual_tolerance, largest_number_of_iterations, largest_number_of_cuts)
+        return cls(Assembly(network, law), limits)
 
     def follow(self, gradients: Iterable[Array]) -> list[State]:
         """States along a path of deformation gradients, each of shape (3, 3), reached one after the other from rest.
@@ -138,7 +139,9 @@ class EquilibriumSolver:
         point = self.assembly.evaluate(np.eye(3), np.zeros((self.assembly.size + 1, 3)))
         diagonal = self.assembly.hessian(point)[0].copy()
         factor = self.assembly.factor(point)
-        free_of_stress = _norm(point) <= self.residual_tolerance * np.sqrt(self.assembly.size) * point.force_scale
+        free_of_stress = (
+            _norm(point) <= self.limits.residual_tolerance * np.sqrt(self.assembly.size) * point.force_scale
+        )
         if free_of_stress and (factor is None or (factor[0] ** 2 < SINGULAR * diagonal).any()):
             raise NetworkError(
                 "the network is a mechanism at rest: some nodes move without stretching a fiber, so it has no stable "
@@ -157,7 +160,7 @@ class EquilibriumSolver:
         if there.state.converged:
             point = here.state.point
             return replace(there, before=(point.gradient, point.displacement, rate))
-        if depth == self.largest_number_of_cuts:
+        if depth == self.limits.largest_number_of_cuts:
             return there
         here = self._refactored(here.state)
         middle = self._reach(here, 0.5 * (here.state.point.gradient + gradient), depth + 1)
@@ -196,18 +199,18 @@ class EquilibriumSolver:
     def _newton(self, start: Point) -> _Reached:
         assembly, point = self.assembly, start
         factor, norm_before, indefinite = None, np.inf, 0
-        for iteration in range(self.largest_number_of_iterations + 1):
+        for iteration in range(self.limits.largest_number_of_iterations + 1):
             norm = _norm(point)
             if not np.isfinite(norm * point.force_scale):
                 break
-            tolerance = self.residual_tolerance * np.sqrt(assembly.size) * point.force_scale
+            tolerance = self.limits.residual_tolerance * np.sqrt(assembly.size) * point.force_scale
             # Where a step shrank the residual so much that another with the same factor will do, no new one is made.
             if factor is None or norm <= tolerance or norm * norm > tolerance * norm_before:
                 factor = assembly.factor(point)
                 indefinite += factor is None
             if norm <= tolerance and factor is not None:
                 return _Reached(State(point, True, iteration, indefinite=indefinite), factor)
-            if iteration == self.largest_number_of_iterations:
+            if iteration == self.limits.largest_number_of_iterations:
                 break
             if norm <= tolerance:
                 move = self._unstable_direction(point)

@@ -310,18 +310,21 @@ def begin_step(
     start: Array,
     move: Array,
     slope: Array,
+    farthest: Array,
 ) -> None:
     """Newton's step −`right`, (n, 3, 1, lanes), of the lanes where `ready`, (1, lanes), is 1, and of no others.
 
     A step is shortened where it would carry a node farther than `largest`. Fills `start` and `move`, (n, 3, lanes), the
-    step's `slope`, (1, lanes), along the `residual`, (≥ n, 3, lanes), and moves u, (≥ n, 3, lanes).
+    step's `slope`, (1, lanes), along the `residual`, (≥ n, 3, lanes), and moves u, (≥ n, 3, lanes). Fills `farthest`,
+    (1, lanes), with the largest element of `right` in every lane.
     """
-    farthest, moving = spread(0.0), load(ready, (0,))
+    most, moving = spread(0.0), load(ready, (0,))
     for a in range(len(right)):
         for i in range(3):
             size = magnitude(load(right, (a, i, 0)))
-            farthest = choose(farthest, size, size, farthest)
-    shorten = least(largest / farthest, 1.0)
+            most = choose(most, size, size, most)
+    store(farthest, (0,), most)
+    shorten = least(largest / most, 1.0)
     slopes = spread(0.0)
     for a in range(len(right)):
         for i in range(3):

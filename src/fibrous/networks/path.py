@@ -14,11 +14,6 @@ from fibrous.networks.lanes import LANES
 Array = NDArray[np.float64]
 
 
-def stress_scale(fiber_modulus_MPa: float, fiber_radius_um: float, edge_length_um: float) -> float:
-    """k A / χ², in MPa: what forces in kA over areas in edges² are as stresses, and kA/edges² as energy density."""
-    return fiber_modulus_MPa * np.pi * fiber_radius_um**2 / edge_length_um**2
-
-
 @dataclass(frozen=True)
 class Response:
     """What a network answers along paths; the leading axes of every array are the path and the step.
@@ -55,18 +50,11 @@ class Response:
 
 
 def follow(engine: Engine, gradients: Array, scale: float, tangent: bool = False, geometry: bool = False) -> Response:
-    """The response of a network to paths of F, shape (paths, steps, 3, 3), each from rest; `scale` of `stress_scale`.
+    """The response of a network to paths of F, shape (paths, steps, 3, 3), each from rest.
 
-    `geometry` asks for positions of nodes and stretches of fibres. Paths are followed eight at a time, side by side; a
-    path that comes to a step without a stable equilibrium does not stop the others. Raises NetworkError for a network
-    that is a mechanism at rest.
-
-    >>> from fibrous.networks.fiber_law import ExponentialFiber
-    >>> from fibrous.networks.generation import delaunay_network
-    >>> network = delaunay_network(np.diag([0.5, 0.3, 0.2]), 60.0, seed=1, tolerance=0.05)
-    >>> engine = Engine.of(network, ExponentialFiber(2.5))
-    >>> follow(engine, np.array([[np.eye(3), np.diag([1.1, 0.95, 0.95])]]), scale=0.003).converged
-    array([[ True,  True]])
+    `scale` is kA/χ², MPa: what forces in kA over areas in edges² are as stresses. `geometry` asks for positions of
+    nodes and stretches of fibres. Paths are followed eight at a time, side by side; a path that comes to a step without
+    a stable equilibrium does not stop the others. Raises NetworkError for a network that is a mechanism at rest.
     """
     gradients = np.asarray(gradients, dtype=float)
     paths = len(gradients)

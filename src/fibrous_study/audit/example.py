@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from fibrous.networks.three_fibers import State
 from fibrous_study.audit.finding import Finding, Statement, Thresholds, Verdict, agrees, judged, number
+from fibrous_study.three_fibers import State
 
 
 def averaged_stretch(statement: Statement, state: State, thresholds: Thresholds) -> Finding:

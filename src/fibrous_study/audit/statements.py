@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from fibrous.curves import Curves
-from fibrous.networks.three_fibers import affine, equilibrium
 from fibrous_study.audit import (
     constants,
     costs,
@@ -23,6 +22,7 @@ from fibrous_study.audit import (
 from fibrous_study.audit.evidence import Constants, Fits
 from fibrous_study.audit.finding import Array, Finding, Statement, Thresholds
 from fibrous_study.audit.refits import constants_up_to
+from fibrous_study.three_fibers import affine, equilibrium
 
 ALONG, ACROSS = 1.5, 2.0 / 3.0  # stretches of Fig. 7b and c
 

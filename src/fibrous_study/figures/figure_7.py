@@ -14,9 +14,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Rectangle
 
-from fibrous.networks.three_fibers import State, affine, equilibrium
 from fibrous_study.datasets import write_table
 from fibrous_study.figures import style
+from fibrous_study.three_fibers import State, affine, equilibrium
 
 PANELS = {
     "a": ("undeformed", 1.0),

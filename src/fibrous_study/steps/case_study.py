@@ -20,7 +20,7 @@ from fibrous.materials.hgo import law_called
 from fibrous_study import datasets
 from fibrous_study.curve_datasets import read_curves
 from fibrous_study.fit_tables import ALL, SINGLE, TENSOR_COLUMNS, fits_of, structure_tensors
-from fibrous_study.loading import fiber_law, scale_of, unpacked
+from fibrous_study.loading import member_called
 
 NETWORK = "network"  # in the column `model`
 INITIAL, REFIT = "initial", "refit"
@@ -93,7 +93,8 @@ def _models(inputs: Mapping[str, list[Path]], config: Mapping[str, Any], deforma
     for entry in config["models"]:
         if entry["law"] == "affine":
             about = {"model": entry["name"], **NOTHING, "law": entry["law"]}
-            yield _Model(about, _affine_fibers(inputs["networks"][0], config["network"]), np.nan)
+            network = member_called(inputs["networks"][0], config["network"]).network
+            yield _Model(about, AffineFibers.of_networks([network]), np.nan)
         elif entry.get("constants") == "fit":
             for constants in (INITIAL, REFIT) if entry.get("refit") else (INITIAL,):
                 with naming(f"{fits[constants]}: model '{entry['name']}'"):
@@ -121,14 +122,6 @@ def _fitted(row: pd.DataFrame, entry: Mapping[str, Any], constants: str, tension
     material = law_called(entry["law"]).of_structure_tensor(structure_tensors(row)[0], C2, C3, tension_only)
     about = {"model": entry["name"], "constants": constants, "law": entry["law"], "energy": entry["energy"]}
     return _Model({**about, "objective": fit["objective"], "C2_MPa": C2, "C3": C3}, material, fit["r_squared"])
-
-
-def _affine_fibers(path: Path, name: str) -> AffineFibers:
-    """The fibres of the network of that name in a file of networks, all stretched with F."""
-    dataset = datasets.read(path, "networks")
-    with naming(str(path)):
-        network = unpacked(dataset)[_index_of(dataset["name"].values, name, path)]
-    return AffineFibers.of_networks([network], fiber_law(dataset), scale_of(dataset))
 
 
 def _states(about: Mapping[str, Any], path: Curves, energy: np.ndarray, stress: np.ndarray) -> pd.DataFrame:

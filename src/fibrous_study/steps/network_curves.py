@@ -3,29 +3,23 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from fibrous.curves import Curves
-from fibrous.errors import naming
+from fibrous.networks.guard import Limits
 from fibrous_study.curve_datasets import write_curves
-from fibrous_study.loading import LoadedNetwork, loaded_networks, protocol_paths
+from fibrous_study.loading import members_of, protocol_loads
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
     """Load every network of ``inputs["networks"]`` and write ``outputs["curves"]``."""
     config = params["config"]
-    networks = loaded_networks(inputs["networks"][0], config["equilibrium"], protocol_paths(config))
-    write_curves(curves_of(networks), outputs["curves"], params)
-
-
-def curves_of(networks: Iterable[LoadedNetwork]) -> Curves:
-    """What the networks answer along their paths, of which each has as many, of the same names and lengths."""
-    parts = []
-    for network in networks:
-        with naming(str(network)):
-            part = network.answers()
-        print(f"{network}: {part.converged.sum()} of {part.converged.size} states converged", file=sys.stderr)
-        parts.append(part)
-    return Curves.joined(parts)
+    protocol, limits = config["protocol"], Limits(**config["equilibrium"])
+    cases, parts = protocol_loads(protocol), []
+    for member in members_of(inputs["networks"]):
+        parts.append(member.answers(cases, protocol["steps"], config["principal_stretch_limit"], limits))
+        converged = parts[-1].converged
+        print(f"{member}: {converged.sum()} of {converged.size} states converged", file=sys.stderr)
+    write_curves(Curves.joined(parts), outputs["curves"], params)

@@ -11,32 +11,39 @@ import xarray as xr
 
 from fibrous.errors import naming
 from fibrous.io.networks import read_network
-from fibrous.networks.generation import alignment_targets, delaunay_network, network_seed
-from fibrous.networks.network import Network, structure_tensor, total_length, volume_fraction
+from fibrous.networks import generator
+from fibrous.networks.generation import alignment_targets, network_seed
+from fibrous.networks.network import Network, packed
 from fibrous_study import datasets
 from fibrous_study.batches import share
+from fibrous_study.loading import fiber_of
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
     """Write the batch's networks to ``outputs["networks"]``; raises NetworkError where one cannot be had."""
     config = params["config"]
+    cube, fiber = config["cube"], fiber_of(config)
     if config["ensemble"] == "file":
         numbers = np.array(config["numbers"])
-        networks = [read_network(entry) for entry in config["network_files"]]
-        targets, seeds = [structure_tensor(network.fiber_vectors) for network in networks], [-1] * len(networks)
+        networks = [_read(entry, fiber=fiber, edge_um=cube["edge_length_um"]) for entry in config["network_files"]]
+        targets, seeds = [network.structure_tensor for network in networks], [-1] * len(networks)
     else:
         numbers, targets = _asked(inputs, config)
         seeds = [network_seed(config["seed"], config["ensemble"], int(number)) for number in numbers]
-        length = total_length(
-            config["cube"]["volume_fraction"], config["cube"]["edge_length_um"], config["fiber"]["radius_um"]
-        )
-        tolerance = config["cube"]["alignment_tolerance"]
+        generate = generator(config["network"])
+        size = cube["volume_fraction"], cube["edge_length_um"]
         networks = []
         for number, target, seed in zip(numbers, targets, seeds, strict=True):
             with naming(f"network {number} of {config['ensemble']}"):
-                networks.append(delaunay_network(target, length, seed, tolerance))
-    dataset = _packed(networks, numbers, np.array(targets), np.array(seeds), _names(config, numbers), config)
+                networks.append(generate(target, fiber, *size, seed, cube["alignment_tolerance"]))
+    dataset = _dataset(networks, numbers, np.array(targets), np.array(seeds), _names(config, numbers))
     datasets.write(dataset, outputs["networks"], "networks", params)
+
+
+def _read(entry: Mapping[str, str], **fibers: Any) -> Network:
+    """The network of an entry of `network_files`."""
+    paths = (entry["file"],) if "file" in entry else (entry["nodes"], entry["fibers"])
+    return read_network(*paths, **fibers)
 
 
 def _asked(inputs: Mapping[str, list[Path]], config: Mapping[str, Any]) -> tuple[np.ndarray, list[np.ndarray]]:
@@ -69,39 +76,15 @@ def _entries(config: Mapping[str, Any], numbers: np.ndarray) -> list[Mapping[str
     return [config["named"][number] for number in numbers] if config["ensemble"] == "named" else []
 
 
-def _packed(
-    networks: list[Network],
-    numbers: np.ndarray,
-    targets: np.ndarray,
-    seeds: np.ndarray,
-    names: list[str],
-    config: Mapping[str, Any],
+def _dataset(
+    networks: list[Network], numbers: np.ndarray, targets: np.ndarray, seeds: np.ndarray, names: list[str]
 ) -> xr.Dataset:
-    cube, fiber = config["cube"], config["fiber"]
     arrays = {
-        "node_count": np.array([len(network.node_position) for network in networks]),
-        "fiber_count": np.array([len(network.fiber_nodes) for network in networks]),
-        "node_position": np.concatenate([network.node_position for network in networks]),
-        "node_is_boundary": np.concatenate([network.node_is_boundary for network in networks]),
-        "fiber_nodes": np.concatenate([network.fiber_nodes for network in networks]),
-        "structure_tensor": np.array([structure_tensor(network.fiber_vectors) for network in networks]),
+        "structure_tensor": np.array([network.structure_tensor for network in networks]),
         "target_structure_tensor": targets,
-        "volume_fraction": np.array(
-            [volume_fraction(network, cube["edge_length_um"], fiber["radius_um"]) for network in networks]
-        ),
+        "volume_fraction": np.array([network.volume_fraction for network in networks]),
         "shortest_fiber": np.array([network.fiber_lengths.min() for network in networks]),
         "seed": seeds,
         "name": np.array(names, dtype=object),
     }
-    dataset = datasets.packed(arrays, datasets.NETWORKS, {"network": numbers})
-    dataset.attrs.update(
-        edge_length_um=cube["edge_length_um"],
-        fiber_radius_um=fiber["radius_um"],
-        fiber_modulus_MPa=fiber["modulus_MPa"],
-        fiber_nonlinearity=fiber["nonlinearity"],
-        # NetCDF has no null: NaN says that the law is exponential throughout.
-        fiber_linear_beyond_stretch=np.nan
-        if fiber["linear_beyond_stretch"] is None
-        else fiber["linear_beyond_stretch"],
-    )
-    return dataset
+    return packed(networks).assign(datasets.packed(arrays, datasets.NETWORKS, {"network": numbers}))

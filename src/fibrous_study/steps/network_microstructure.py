@@ -10,19 +10,17 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from fibrous.deformation import loads
 from fibrous.errors import DatasetError, naming
 from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.microstructure import stress_difference
-from fibrous.networks.engine import Engine
+from fibrous.networks.guard import Limits
 from fibrous.networks.network import Network
-from fibrous.networks.path import follow
 from fibrous_study import datasets
-from fibrous_study.loading import fiber_law, scale_of, unpacked
+from fibrous_study.loading import networks_of
 
 #: Name of the path along the mean F of an element, beside the numbers of its Gauss points.
 MEAN = "mean"
-ANSWERS = ("node_position", "fiber_stretch", "orientation_tensor", "cauchy_stress", "converged")
-COPIED = ("edge_length_um", "fiber_radius_um")
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
@@ -41,10 +39,9 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
         raise DatasetError(f"{inputs['tissue'][0]}: has no element {element}; name one from 0 to {count - 1}")
     own = tissue.isel(element=element).transpose("gauss_point", "step", ...)
     number = int(specimen["element_network"].values[element])
-    batch, network = _network(inputs["networks"], number)
+    (network,) = networks_of(inputs["networks"], [number])
     with naming(f"network {number}"):
-        engine = Engine.of(network, fiber_law(batch), **config["equilibrium"])
-        states = _driven(engine, batch, own["deformation_gradient"].values)
+        states = _driven(network, Limits(**config["equilibrium"]), own["deformation_gradient"].values)
     states.attrs.update(run=config["run"], element=element, network=number, law=law, origin=tissue.attrs["origin"])
     converged = states["converged"].values
     print(f"network {number}: {converged.sum()} of {converged.size} states converged", file=sys.stderr)
@@ -61,27 +58,14 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     datasets.write(states, outputs["states"], "microstructure", params)
 
 
-def _network(paths: list[Path], number: int) -> tuple[xr.Dataset, Network]:
-    """The batch that holds the network of that number, and the network."""
-    for path in paths:
-        batch = datasets.read(path, "networks")
-        places = np.flatnonzero(batch["network"].values == number)
-        if places.size:
-            with naming(str(path)):
-                return batch, unpacked(batch)[places[0]]
-    raise DatasetError(f"{paths[0].parent}: lacks network {number}; delete the folder and run again")
-
-
-def _driven(engine: Engine, batch: xr.Dataset, points: np.ndarray) -> xr.Dataset:
+def _driven(network: Network, limits: Limits, points: np.ndarray) -> xr.Dataset:
     """The network from rest along F of the Gauss points, shape (points, steps, 3, 3), and along their mean."""
     after_rest = np.concatenate([points, points.mean(axis=0)[None]])
     gradients = np.concatenate([np.tile(np.eye(3), (len(after_rest), 1, 1, 1)), after_rest], axis=1)
-    response = follow(engine, gradients, scale_of(batch), geometry=True)
-    arrays = {name: getattr(response, name) for name in ANSWERS}
+    names = [*map(str, range(len(points))), MEAN]
+    cases = loads(dict(zip(names, gradients, strict=True)))
+    answers = network.load(cases, points.shape[1], limits=limits, geometry=True).rename(deformation="path")
     # Force over the undeformed section (Eq. 6).
-    arrays["fiber_stress"] = float(batch.attrs["fiber_modulus_MPa"]) * engine.law.response(arrays["fiber_stretch"])[0]
-    arrays |= {"fiber_nodes": engine.network.fiber_nodes, "deformation_gradient": gradients}
-    paths = np.array([*map(str, range(len(points))), MEAN], dtype=object)
-    coords = {"path": paths, "step": np.arange(gradients.shape[1])}
-    states = datasets.packed(arrays, datasets.MICROSTRUCTURE, coords)
-    return states.assign_attrs({name: batch.attrs[name] for name in COPIED})
+    stress = network.fiber.modulus_MPa * network.fiber.response(answers["fiber_stretch"].values)[0]
+    states = answers.assign(fiber_stress=(answers["fiber_stretch"].dims, stress))
+    return states.assign_attrs(edge_length_um=network.edge_um, fiber_radius_um=network.fiber.radius_um)

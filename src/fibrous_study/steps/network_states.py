@@ -6,13 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from fibrous.deformation import averaged_stretch
-from fibrous.errors import DatasetError, naming
-from fibrous.networks.path import follow
+from fibrous.errors import naming
+from fibrous.networks.guard import Limits
 from fibrous_study import datasets
-from fibrous_study.loading import loaded_networks, protocol_paths
+from fibrous_study.loading import member_called, protocol_loads
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
@@ -20,20 +17,11 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
 
     Raises DatasetError if it is absent.
     """
-    path, config, wanted = inputs["networks"][0], params["config"], params["config"]["network"]
-    loaded = loaded_networks(path, config["equilibrium"], protocol_paths(config))
-    network = next((one for one in loaded if one.name == wanted), None)
-    if network is None:
-        raise DatasetError(f"{path}: holds no network called '{wanted}'; add it to `named` in the config")
-    gradients = np.array([load.gradients for load in network.paths])
-    with naming(str(network)):
-        response = follow(network.engine, gradients, network.stress_scale_MPa, geometry=True)
-    arrays = {
-        **{name: getattr(response, name) for name in ("node_position", "fiber_stretch")},
-        "fiber_nodes": network.engine.network.fiber_nodes,
-        "averaged_stretch": averaged_stretch(gradients, network.structure_tensor),
-        "deformation_gradient": gradients,
-    }
-    loads = np.array([load.name for load in network.paths], dtype=object)
-    coords = {"deformation": loads, "step": np.arange(gradients.shape[1])}
-    datasets.write(datasets.packed(arrays, datasets.STATES, coords), outputs["states"], "states", params)
+    config = params["config"]
+    protocol, limits = config["protocol"], Limits(**config["equilibrium"])
+    member = member_called(inputs["networks"][0], config["network"])
+    with naming(str(member)):
+        states = member.network.load(
+            protocol_loads(protocol), protocol["steps"], config["principal_stretch_limit"], limits, geometry=True
+        )
+    datasets.write(states, outputs["states"], "states", params)

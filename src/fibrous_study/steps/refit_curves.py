@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -9,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from fibrous.deformation import LoadPath
+from fibrous.curves import Curves
+from fibrous.deformation import loads
 from fibrous.errors import DatasetError
+from fibrous.networks.guard import Limits
 from fibrous_study import datasets
 from fibrous_study.curve_datasets import write_curves
 from fibrous_study.fit_tables import LOAD
-from fibrous_study.loading import loaded_networks
-from fibrous_study.steps.network_curves import curves_of
+from fibrous_study.loading import members_of
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
@@ -30,18 +32,17 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     element_of = {int(number): element for element, number in enumerate(specimen["element_network"].values)}
     found = [datasets.read(path, "tissue")["deformation_gradient"] for path in inputs["tissue"]]
     gradients = np.stack([F.mean("gauss_point").values for F in found])
-    parts = np.linspace(0.0, 1.0, gradients.shape[1] + 1)
-
-    def paths(number: int, _: np.ndarray) -> list[LoadPath]:
-        if number not in element_of:
+    rest, limits, parts = np.eye(3)[None], Limits(**params["config"]["equilibrium"]), []
+    for member in members_of(inputs["networks"]):
+        if member.number not in element_of:
             raise DatasetError(
-                f"{inputs['specimen'][0]}: has no element of that number; delete the networks, run again"
+                f"{inputs['specimen'][0]}: has no element with network {member.number}; delete the networks, run again"
             )
-        return [
-            LoadPath(run, parts, np.concatenate([np.eye(3)[None], F[:, element_of[number]]]), amplitude_limited=False)
-            for run, F in zip(runs, gradients, strict=True)
-        ]
-
-    curves = curves_of(loaded_networks(inputs["networks"][0], params["config"]["equilibrium"], paths))
+        of_element = gradients[:, :, element_of[member.number]]
+        cases = loads({run: np.concatenate([rest, F]) for run, F in zip(runs, of_element, strict=True)})
+        parts.append(member.answers(cases, gradients.shape[1], np.inf, limits))
+        converged = parts[-1].converged
+        print(f"{member}: {converged.sum()} of {converged.size} states converged", file=sys.stderr)
+    curves = Curves.joined(parts)
     for run in runs:
         write_curves(replace(curves.under([run]), loads=(LOAD,)), outputs[run], params)

@@ -11,13 +11,10 @@ import numpy as np
 import pandas as pd
 
 from fibrous.errors import naming
-from fibrous.networks.engine import Engine
-from fibrous.networks.fiber_law import ExponentialFiber
-from fibrous.networks.generation import delaunay_network, network_seed
-from fibrous.networks.network import structure_tensor, total_length
-from fibrous.networks.path import stress_scale
+from fibrous.networks.generation import delaunay, network_seed
+from fibrous.networks.guard import Limits
 from fibrous_study import datasets
-from fibrous_study.loading import LoadedNetwork, protocol_paths
+from fibrous_study.loading import Member, fiber_of, protocol_loads
 from fibrous_study.sensitivity.trial import Trial, tried
 
 REPLICATES = "replicates"  # the ensemble whose seeds the networks share
@@ -38,18 +35,17 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
 
 def _rows(entry: Mapping[str, Any], number: int, config: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """The rows of one network, a load set each."""
-    cube, fiber = config["cube"], config["fiber"]
-    length = total_length(cube["volume_fraction"], cube["edge_length_um"], fiber["radius_um"])
-    scale = stress_scale(fiber["modulus_MPa"], fiber["radius_um"], cube["edge_length_um"])
-    law = ExponentialFiber(fiber["nonlinearity"], fiber["linear_beyond_stretch"] or np.inf)
+    cube, stretch_limit, limits = config["cube"], config["principal_stretch_limit"], Limits(**config["equilibrium"])
+    size = cube["volume_fraction"], cube["edge_length_um"]
     seed = network_seed(config["seed"], REPLICATES, number)
-    asked = np.diag([entry["H11"], entry["H22"], 1.0 - entry["H11"] - entry["H22"]])
+    H = entry["H11"], entry["H22"], 1.0 - entry["H11"] - entry["H22"]
     with naming(f"{entry['name']}, replicate {number}"):
-        network = delaunay_network(asked, length, seed, cube["alignment_tolerance"])
-        tensor = structure_tensor(network.fiber_vectors)
-        paths = [protocol_paths({**config, "protocol": config[key]})(number, tensor) for key in ("protocol", "path")]
-        engine = Engine.of(network, law, **config["equilibrium"])
-        curves, judged = (LoadedNetwork(number, entry["name"], tensor, engine, scale, part).answers() for part in paths)
+        network = delaunay(H, fiber_of(config), *size, seed, cube["alignment_tolerance"])
+    member = Member(number, entry["name"], network)
+    curves, judged = (
+        member.answers(protocol_loads(protocol), protocol["steps"], stretch_limit, limits)
+        for protocol in (config["protocol"], config["path"])
+    )
     for answers in (curves, judged):
         for _, load, step in np.argwhere(~answers.converged):
             print(

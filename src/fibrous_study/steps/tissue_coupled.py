@@ -12,16 +12,15 @@ import numpy as np
 import xarray as xr
 
 from fibrous.clock import Clock
-from fibrous.errors import ConfigError, DatasetError, naming
+from fibrous.errors import ConfigError
 from fibrous.fe.solver import LoadStepError, LoadStepper, Record, Walk
 from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.materials.network import FiberNetworks, NetworkState
-from fibrous.networks.network import Network
+from fibrous.networks.guard import Limits
 from fibrous.specimen import Specimen
-from fibrous_study import datasets
 from fibrous_study.checkpoint import Checkpoint
-from fibrous_study.loading import fiber_law, scale_of, unpacked
+from fibrous_study.loading import networks_of
 from fibrous_study.progress import Progress
 from fibrous_study.provenance import cpu_seconds
 from fibrous_study.solutions import read_specimen, say, tissue_dataset, write_tissue
@@ -29,8 +28,9 @@ from fibrous_study.solutions import read_specimen, say, tissue_dataset, write_ti
 COUNTS = {"network_iterations": "iterations", "network_cuts": "cuts", "indefinite_hessians": "indefinite"}
 
 
-# Time from one checkpoint to the next, over that of writing one.
-LEAST_WORK = 20.0
+# Time from one checkpoint to the next, over that of writing one. A run that is killed loses at most that, and the load
+# step at hand: about a minute and a half of the study's run, whose checkpoints take a second or two.
+LEAST_WORK = 60.0
 
 
 @dataclass
@@ -109,30 +109,13 @@ def _stepper(
     clock: Clock,
 ) -> tuple[LoadStepper, np.ndarray]:
     """The finite elements with networks, and H of the elements' networks, shape (elements, 3, 3)."""
-    found: dict[int, tuple[Network, np.ndarray]] = {}
-    for path in paths:
-        dataset = datasets.read(path, "networks")
-        with naming(str(path)):
-            networks = unpacked(dataset)
-        tensors = dataset["structure_tensor"].values
-        found.update(zip(dataset["network"].values.tolist(), zip(networks, tensors, strict=True), strict=True))
-    missing = [number for number in numbers.tolist() if number not in found]
-    if missing:
-        raise DatasetError(f"{paths[0].parent}: lacks network {missing[0]}; delete the folder and run again")
-    chosen = [found[number] for number in numbers.tolist()]
-    fibers = FiberNetworks.of(
-        [network for network, _ in chosen],
-        fiber_law(dataset),
-        scale_of(dataset),
-        threads,
-        **config["equilibrium"],
-        clock=clock,
-    )
+    networks = networks_of(paths, numbers.tolist())
+    fibers = FiberNetworks.of(networks, threads, Limits(**config["equilibrium"]), clock)
     matrix = NeoHookean(config["matrix"]["C1_MPa"], config["matrix"]["lame_lambda_MPa"])
     stepper = LoadStepper.of(
         specimen.mesh, Mixture((matrix, fibers)), specimen.prescribed, config["linear_solver"], clock=clock
     )
-    return stepper, np.array([tensor for _, tensor in chosen])
+    return stepper, np.array([network.structure_tensor for network in networks])
 
 
 def _targets(specimen: Specimen, config: Mapping[str, Any]) -> np.ndarray:

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from fibrous.clock import Clock
-from fibrous.errors import DatasetError
 from fibrous.fe.solver import LoadStepper
 from fibrous.fitting.hgo import fit_constants
-from fibrous.hybrid import FollowedNetwork, LaggedRefit, LaggedStepError
-from fibrous_study.loading import loaded_networks
+from fibrous.hybrid import LaggedRefit, LaggedStepError
+from fibrous.networks.guard import Limits
+from fibrous_study.loading import networks_of
 from fibrous_study.solutions import (
     Constants,
     fitted_constants,
@@ -44,7 +44,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
 
     refit = LaggedRefit(
         stepper_of,
-        _networks(inputs["networks"], numbers, config["equilibrium"]),
+        networks_of(inputs["networks"], numbers.tolist()),
         lambda curves: fit_constants(
             curves,
             energy=model["energy"],
@@ -52,6 +52,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
             tension_only=config["tension_only"],
             **config["fit"],
         ),
+        Limits(**config["equilibrium"]),
     )
     failure = None
     try:
@@ -67,16 +68,3 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
         print(f"last step again: C2 changed by up to {C2:.3g} MPa, C3 by up to {C3:.3g}", file=sys.stderr)
     dataset = tissue_dataset(specimen, found.solution, found.C2, found.C3, initial.structure_tensor, matrix, clock)
     write_tissue(specimen, dataset, failure, outputs, params)
-
-
-def _networks(paths: list[Path], wanted: np.ndarray, limits: Mapping[str, Any]) -> list[FollowedNetwork]:
-    """The networks of the elements in their order."""
-    found = {
-        one.number: FollowedNetwork(one.engine, one.structure_tensor, one.stress_scale_MPa)
-        for path in paths
-        for one in loaded_networks(path, limits, lambda *_: [])
-    }
-    missing = [number for number in wanted.tolist() if number not in found]
-    if missing:
-        raise DatasetError(f"{paths[0].parent}: lacks network {missing[0]}; delete the folder and run again")
-    return [found[number] for number in wanted.tolist()]

@@ -9,14 +9,12 @@ from typing import Any
 import numpy as np
 
 from fibrous.clock import Clock
-from fibrous.errors import ConfigError, DatasetError, naming
+from fibrous.errors import ConfigError, naming
 from fibrous.fe.solver import LoadStepError, LoadStepper
 from fibrous.materials.affine_fibers import AffineFibers
-from fibrous.materials.contract import Material
-from fibrous.networks.network import Network
 from fibrous.specimen import Specimen
 from fibrous_study import datasets
-from fibrous_study.loading import fiber_law, scale_of, unpacked
+from fibrous_study.loading import networks_of
 from fibrous_study.prediction import Predictor
 from fibrous_study.solutions import (
     Constants,
@@ -38,7 +36,9 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     config = params["config"]
     specimen, networks = read_specimen(inputs["specimen"][0])
     constants = _constants(inputs, config, specimen, networks)
-    fibers = _affine(inputs["networks"], networks) if config["model"]["law"] == "affine" else None
+    fibers = None
+    if config["model"]["law"] == "affine":
+        fibers = AffineFibers.of_networks(networks_of(inputs["networks"], networks.tolist()))
     clock = Clock()
     with naming(f"model {config['run']}"):
         material = tissue_material(config, constants, clock, fibers)
@@ -79,18 +79,3 @@ def _constants(
             return Constants(C2, C3, specimen.structure_tensor)
         case unknown:
             raise ConfigError(f"constants is '{unknown}', must be fit or surface")
-
-
-def _affine(paths: list[Path], wanted: np.ndarray) -> Material:
-    """The fibres of every element's network, in the order of the elements."""
-    found: dict[int, Network] = {}
-    for path in paths:
-        dataset = datasets.read(path, "networks")
-        with naming(str(path)):
-            found.update(zip(dataset["network"].values.tolist(), unpacked(dataset), strict=True))
-    missing = [number for number in wanted.tolist() if number not in found]
-    if missing:
-        raise DatasetError(f"{paths[0].parent}: lacks network {missing[0]}; delete the folder and run again")
-    return AffineFibers.of_networks(
-        [found[number] for number in wanted.tolist()], fiber_law(dataset), scale_of(dataset)
-    )

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import fsolve, minimize
 
-from fibrous.networks.three_fibers import ANCHORS, REFERENCE_LENGTH, STRUCTURE_TENSOR, affine, equilibrium
+from fibrous_study.three_fibers import ANCHORS, REFERENCE_LENGTH, STRUCTURE_TENSOR, affine, equilibrium
 
 ALONG, ACROSS = 3 / 2, 2 / 3
 
