@@ -13,7 +13,7 @@ from fibrous.deformation import Load, averaged_stretch, load_path, matching_magn
 from fibrous.fitting.hgo import strain_energy
 from fibrous_study.audit.evidence import Constants, Fits
 from fibrous_study.audit.finding import Finding, Thresholds, Verdict
-from fibrous_study.configuration import CLAIMS, loaded
+from fibrous_study.config import CLAIMS, loaded
 from fibrous_study.steps.claims import statement_of
 
 REPRODUCED, PARTLY, NOT, CONTRADICTED, UNKNOWN = Verdict

@@ -15,7 +15,7 @@ import xarray as xr
 from fibrous.networks.network import Network, unpacked
 from fibrous.specimen import FiberField, RigidMotion, Slab, Specimen, synthetic_specimen
 from fibrous_study import datasets, plan
-from fibrous_study.configuration import loaded
+from fibrous_study.config import loaded
 from fibrous_study.stages import STAGES, stage_params
 
 ELEMENTS = 12

@@ -9,7 +9,7 @@ import yaml
 from snakemake.api import SnakemakeApi
 from snakemake.settings.types import ConfigSettings, DAGSettings, OutputSettings, Quietness, ResourceSettings
 
-from fibrous_study.configuration import PROJECT, loaded
+from fibrous_study.config import PROJECT, loaded
 from fibrous_study.stages import expected_files
 
 QUICK = PROJECT / "config" / "quick.yaml"

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from fibrous_study import plan
-from fibrous_study.configuration import statements
+from fibrous_study.config import statements
 from fibrous_study.network_stages import SPECIMEN, curves_of, figure, once
 from fibrous_study.plan import (
     CASE_PATH,

@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from fibrous_study import plan
-from fibrous_study.configuration import PROJECT, TEMPLATES, caption, loaded
+from fibrous_study.config import PROJECT, TEMPLATES, caption, loaded
 from fibrous_study.jobs import jobs
 from fibrous_study.network_stages import SPECIMEN, contents, curves_of, figure, once
 from fibrous_study.plan import FIGURE_NETWORK, FIGURE_PROTOCOLS, REFIT, Config, Stage

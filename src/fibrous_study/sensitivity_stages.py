@@ -9,7 +9,7 @@ from fibrous_study import plan
 from fibrous_study.batches import replicate_numbers, replicated
 from fibrous_study.network_stages import figure, once
 from fibrous_study.plan import Config, Stage, Wildcards
-from fibrous_study.variants import FACTORS, factors, own_value, variant_called, variants, varied
+from fibrous_study.variants import FACTORS, factors, own_value, variants, varied
 
 TRIALS = "results/sensitivity/{variant}.csv"
 
@@ -28,13 +28,13 @@ def _networks(config: Config) -> list[dict[str, Any]]:
 
 
 def _trial_config(config: Config, wildcards: Wildcards) -> dict[str, Any]:
-    variant = variant_called(config, wildcards["variant"])
-    own = varied(config, variant)
+    factor, value = variants(config)[wildcards["variant"]]
+    own = varied(config, factor, value)
     kept = ("seed", "fiber", "cube", "principal_stretch_limit", "equilibrium", "load_sets", "fit")
     return {
-        "factor": variant.factor,
-        "value": variant.value,
-        "unit": FACTORS.get(variant.factor, ""),
+        "factor": factor,
+        "value": value,
+        "unit": FACTORS.get(factor, ""),
         "networks": _networks(config),
         "protocol": plan.protocol(own, config["roles"]["large"]),
         "path": plan.protocol(own, config["roles"]["path"]),
@@ -51,7 +51,7 @@ def _summary_config(config: Config) -> dict[str, Any]:
 
 
 def _trials(config: Config) -> dict[str, list[str]]:
-    return {"trials": [TRIALS.format(variant=variant.name) for variant in variants(config)]}
+    return {"trials": [TRIALS.format(variant=name) for name in variants(config)]}
 
 
 SENSITIVITY_STAGES: dict[str, Stage] = {
@@ -60,7 +60,7 @@ SENSITIVITY_STAGES: dict[str, Stage] = {
         outputs={"trials": TRIALS},
         inputs=lambda _, __: {},
         config=_trial_config,
-        instances=lambda config: [{"variant": variant.name} for variant in variants(config)],
+        instances=lambda config: [{"variant": name} for name in variants(config)],
         on_demand=True,
     ),
     "sensitivity_tables": Stage(

@@ -6,7 +6,6 @@ from collections import namedtuple
 import mpmath
 import numpy as np
 import pytest
-import yaml
 from conftest import small_network
 from fibers import exponential, stress_scale
 from scipy.spatial.transform import Rotation
@@ -22,7 +21,7 @@ from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.materials.timed import Timed
 from fibrous.networks.banded import Assembly
-from fibrous_study.configuration import SCHEMA
+from fibrous_study.config import schema_at
 from fibrous_study.words import FORMS, WITHOUT_CONSTANTS
 
 ELEMENTS = 4
@@ -316,8 +315,6 @@ def test_a_law_is_known_by_its_name_and_no_other_law_stands_in_for_it():
 
 
 def test_every_law_with_constants_may_be_asked_for_and_has_a_label():
-    model = yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))["properties"]["tissue"]["properties"]["models"]["items"][
-        "properties"
-    ]
+    model = schema_at(("tissue", "models", 0))["properties"]
     assert set(model["energy"]["enum"]) == set(FORMS) == set(hgo.LAWS)
     assert set(model["law"]["enum"]) == set(hgo.LAWS) | set(WITHOUT_CONSTANTS)

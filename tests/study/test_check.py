@@ -15,7 +15,7 @@ from PIL.PngImagePlugin import PngInfo
 from fibrous_study import provenance
 from fibrous_study.__main__ import main
 from fibrous_study.check import check
-from fibrous_study.configuration import loaded
+from fibrous_study.config import loaded
 from fibrous_study.stages import expected_files, stage_params
 
 COMPANIONS = (".csv", ".vtu", ".feb", ".html")

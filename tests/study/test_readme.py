@@ -12,7 +12,7 @@ from PIL import Image
 from test_workflow_tissue import OWN_TISSUE
 
 from fibrous_study.__main__ import refreshed
-from fibrous_study.configuration import DEFAULT, validated
+from fibrous_study.config import DEFAULT, validated
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -18,7 +18,7 @@ from workflow_runs import quick_config, snakemake
 from fibrous_study import datasets
 from fibrous_study.audit.finding import Verdict
 from fibrous_study.audit.statements import CHECKS
-from fibrous_study.configuration import CAPTIONS, PROJECT, caption, loaded, statements
+from fibrous_study.config import CAPTIONS, PROJECT, caption, loaded, statements
 from fibrous_study.jobs import jobs
 from fibrous_study.report.headline import headline
 from fibrous_study.report.outline import CONTRADICTIONS, SECTIONS, TARGETS, exhibits, told

@@ -18,7 +18,7 @@ import xarray as xr
 from workflow_runs import QUICK, SMALL, command_line, files_of, quick_config, snakemake, would_run, written
 
 from fibrous_study.check import check
-from fibrous_study.configuration import loaded
+from fibrous_study.config import loaded
 from fibrous_study.documentation import TABLES
 from fibrous_study.stages import Params, expected_files
 

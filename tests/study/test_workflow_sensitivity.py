@@ -9,7 +9,7 @@ import xarray as xr
 from workflow_runs import quick_config, would_run
 
 from fibrous_study.check import check
-from fibrous_study.configuration import validated
+from fibrous_study.config import validated
 from fibrous_study.stages import possible_files, stage_params
 
 STAGES = ("sensitivity", "sensitivity_tables", "figure_sensitivity")

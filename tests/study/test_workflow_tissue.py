@@ -10,7 +10,7 @@ import xarray as xr
 from workflow_runs import QUICK, quick_config, snakemake, would_run, written
 
 from fibrous.fe.mesh import box
-from fibrous_study.configuration import loaded, validated
+from fibrous_study.config import loaded, validated
 from fibrous_study.jobs import OF_THE_PAPER
 from fibrous_study.stages import STAGES, expected_files, stage_params
 

@@ -8,12 +8,13 @@ from pathlib import Path
 
 from fibrous.errors import FibrousError
 from fibrous_study.report.outline import SECTIONS
-from fibrous_study import configuration, plan, stages, variants
+from fibrous_study import plan, stages, variants
+from fibrous_study.config import CAPTIONS, validated
 from fibrous_study.steps import convergence
 from fibrous_study.job import hand_over
 
 try:
-    config = configuration.validated(config)
+    config = validated(config)
 except FibrousError as error:
     # A WorkflowError would wrap the line in file names and line numbers.
     sys.exit(str(error))
@@ -38,7 +39,7 @@ wildcard_constraints:
     batch="[0-9]+",
     run="|".join(run.name for run in plan.runs(config)),
     element="[0-9]+",
-    variant="|".join(re.escape(variant.name) for variant in variants.variants(config)),
+    variant="|".join(map(re.escape, variants.variants(config))),
 
 
 def only_runs(stage):
@@ -50,12 +51,12 @@ def outputs(stage):
     found = dict(stages.STAGES[stage].outputs)
     # Snakemake's own report crops large images and shows no CSV: it gets vectors, and tables as pages.
     if stage in FIGURES:
-        caption = configuration.CAPTIONS / f"{stage}.rst"
+        caption = CAPTIONS / f"{stage}.rst"
         found["svg"] = report(
             found["svg"], str(caption), category=FIGURES[stage][0], labels={"figure": FIGURES[stage][1]}
         )
     elif stage == "table_pages":
-        caption = configuration.CAPTIONS / "table.rst"
+        caption = CAPTIONS / "table.rst"
         found["page"] = []
         for name, path in stages.STAGES[stage].files(config, {}).items():
             page = report(path, str(caption), category="Tables", labels={"table": name})
