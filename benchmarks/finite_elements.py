@@ -25,8 +25,8 @@ from fibrous.fe.boundary import PrescribedDisplacement, reaction_force
 from fibrous.fe.linear import linear_solver
 from fibrous.fe.mesh import box
 from fibrous.fe.solver import LoadStepper
+from fibrous.materials.contract import Mixture
 from fibrous.materials.hgo import HGOFamilies
-from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
 
 SIZES = (10, 15, 20)

@@ -20,12 +20,12 @@ import numpy as np
 
 from fibrous.clock import Clock
 from fibrous.fe.solver import LoadStepper
-from fibrous.materials.mixture import Mixture
+from fibrous.materials.contract import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.materials.network import FiberNetworks
 from fibrous.networks.fiber_law import Fiber
 from fibrous.networks.generation import delaunay, network_seed
-from fibrous.specimen import FiberField, RigidMotion, Slab, synthetic_specimen
+from fibrous.specimen import Slab
 
 PAPER = 900 * 8 * 20
 
@@ -35,7 +35,7 @@ def run(counts, edge_um: float, steps: int, threads: int, distinct: int = 10**6)
 
     Elements beyond `distinct` have the networks of the first ones again.
     """
-    specimen = synthetic_specimen(Slab(tuple(counts)), FiberField(), RigidMotion(), steps)
+    specimen = Slab(tuple(counts)).specimen(steps)
     fiber, tolerance = Fiber(modulus_MPa=10.0, nonlinearity=2.5, radius_um=0.1), 0.002 if edge_um > 15.0 else 0.03
     start = time.process_time()
     made = [

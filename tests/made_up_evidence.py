@@ -2,27 +2,51 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
-import yaml
 
 from fibrous.curves import Curves
 from fibrous.deformation import Load, averaged_stretch, load_path, matching_magnitude
 from fibrous.fitting.hgo import strain_energy
-from fibrous_study.audit.evidence import Constants, Fits
-from fibrous_study.audit.finding import Finding, Thresholds, Verdict
-from fibrous_study.config import CLAIMS, loaded
-from fibrous_study.steps.claims import statement_of
+from fibrous_study.audit.checks import CHECKS
+from fibrous_study.audit.constants import Fits
+from fibrous_study.audit.evidence import Constants, Evidence
+from fibrous_study.audit.verdict import Finding, Thresholds, Verdict
+from fibrous_study.audit.wording import printed_numbers
+from fibrous_study.config import loaded
+from fibrous_study.paper import section
+from fibrous_study.stages import stage_params
 
 REPRODUCED, PARTLY, NOT, CONTRADICTED, UNKNOWN = Verdict
-TALLIED = yaml.safe_load(CLAIMS.read_text(encoding="utf-8"))
-STATEMENTS = {entry["id"]: statement_of(entry) for entry in TALLIED}
-THRESHOLDS = Thresholds(**loaded()["claims"])
+PRINTED = {entry["id"]: printed_numbers(entry) for entry in section("statements")}
+CONFIG = stage_params("claims", loaded(), {})["config"]
+THRESHOLDS = Thresholds(**CONFIG["claims"])
 LOADS = ("x_uniaxial", "xy_biaxial", "xz_biaxial", "xy_shear", "xz_shear", "yz_shear")
 SETS = {"with_xz": LOADS[:5], "with_yz": (*LOADS[:4], "yz_shear")}
 CASE = np.diag([0.69, 0.21, 0.10])
+
+
+def evidence(**results: Any) -> Evidence:
+    """The study's config with these results, and what else is given in place of what the config says."""
+    return Evidence(CONFIG, **{"load_sets": SETS, "case_name": "case", **results})
+
+
+def found(statement: str, printed: Mapping[str, Any] | None = None, **results: Any) -> Finding:
+    """What the check of a statement gives on `results`, with other printed numbers where these are given."""
+    return CHECKS[statement].judge(evidence(**results), PRINTED[statement] | (printed or {}))
+
+
+def verdict_of(statement: str, printed: Mapping[str, Any] | None = None, **results: Any) -> Verdict:
+    """The verdict on a statement."""
+    return found(statement, printed, **results).verdict
+
+
+def value_of(finding: Finding, name: str, load_set: str = "") -> float:
+    """A number behind a verdict, which must be there once."""
+    (value,) = (one.value for one in finding.numbers if (one.name, one.load_set) == (name, load_set))
+    return value
 
 
 def curves(
@@ -88,19 +112,3 @@ def fits(C2: np.ndarray, C3: np.ndarray, ends: tuple[float, float, float, float]
         constants(np.full(2, one), np.full(2, other)) for one, other in ((first_C2, first_C3), (fifth_C2, fifth_C3))
     ]
     return {name: Fits(constants(C2, C3), *pair) for name in SETS}
-
-
-def verdict_of(finding: Finding) -> Verdict:
-    """The verdict of a finding whose reason reads well."""
-    assert_plain(finding.why)
-    return finding.verdict
-
-
-def assert_plain(why: str) -> None:
-    """A reason is one or two sentences without powers of ten, and without what is no number."""
-    assert why == why.strip()
-    assert why.endswith(".")
-    # "Eq. 2" and "Fig. 5" end no sentence: a digit follows.
-    assert 1 <= len(re.findall(r"[.?!](?=\s+\D|$)", why)) <= 2, why
-    assert not re.search(r"\d[eE][+-]?\d", why), why
-    assert not re.search(r"\b(nan|NaN|inf|None|True|False)\b", why), why

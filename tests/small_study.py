@@ -13,7 +13,7 @@ import pandas as pd
 import xarray as xr
 
 from fibrous.networks.network import Network, unpacked
-from fibrous.specimen import FiberField, RigidMotion, Slab, Specimen, synthetic_specimen
+from fibrous.specimen import FiberField, RigidMotion, Slab, Specimen
 from fibrous_study import datasets, plan
 from fibrous_study.config import loaded
 from fibrous_study.stages import STAGES, stage_params
@@ -51,7 +51,7 @@ def small_specimen() -> Specimen:
     angles = (numbers[f"{of}_degrees"] for of in ("lowest_row", "deviation", "tilt"))
     rest = (numbers[name] for name in ("H11", "in_plane_share", "correlation_length_mm"))
     motion = RigidMotion(numbers["gap_mm"], numbers["slide_mm"], numbers["rotation_degrees"])
-    return synthetic_specimen(slab, FiberField(config["seed"], *angles, *rest), motion, numbers["load_steps"])
+    return slab.specimen(numbers["load_steps"], FiberField(config["seed"], *angles, *rest), motion)
 
 
 def other_tensors() -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from synthetic import params
 
-from fibrous.specimen import FiberField, RigidMotion, Slab, synthetic_specimen
+from fibrous.specimen import Slab
 from fibrous_study.datasets import SPECIMEN, TISSUE, packed, write, write_table
 
 STEPS = 2
@@ -41,7 +41,7 @@ def write_stresses(path: Path) -> None:
 
 
 def write_specimen(path: Path) -> None:
-    specimen = synthetic_specimen(Slab(counts=(4, 5, 2)), FiberField(), RigidMotion(), STEPS)
+    specimen = Slab(elements=(4, 5, 2)).specimen(STEPS)
     arrays = {
         "node_position": specimen.mesh.node_position,
         "element_nodes": specimen.mesh.element_nodes,
@@ -57,7 +57,7 @@ def write_specimen(path: Path) -> None:
 
 def write_tissue(path: Path, amount: float) -> None:
     """A homogeneous displacement with deformation gradients and stresses that vary at random about it."""
-    specimen = synthetic_specimen(Slab(counts=(4, 5, 2)), FiberField(), RigidMotion(), STEPS)
+    specimen = Slab(elements=(4, 5, 2)).specimen(STEPS)
     position, count = specimen.mesh.node_position, len(specimen.mesh.element_nodes)
     generator = np.random.default_rng(int(10 * amount))
     parts = amount * np.arange(1, STEPS + 1)[:, None, None] / STEPS

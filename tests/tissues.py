@@ -4,9 +4,8 @@ import numpy as np
 
 from fibrous.fe.boundary import PrescribedDisplacement
 from fibrous.fe.mesh import Mesh, box
-from fibrous.materials.contract import Material
+from fibrous.materials.contract import Material, Mixture
 from fibrous.materials.hgo import HGOFamilies
-from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
 
 

@@ -105,6 +105,27 @@ def right_cauchy_green(gradient: Array) -> Array:
     return np.swapaxes(gradient, -1, -2) @ gradient
 
 
+def green_lagrange_strain(gradient: Array) -> Array:
+    """E = (FᵀF − I)/2, shape (..., 3, 3), for F of shape (..., 3, 3)."""
+    return 0.5 * (right_cauchy_green(gradient) - np.eye(3))
+
+
+def cauchy_stress(piola: Array, gradient: Array) -> Array:
+    """σ = P Fᵀ/J, shape (..., 3, 3), MPa, from the first Piola–Kirchhoff stress P and F, shapes (..., 3, 3)."""
+    return piola @ np.swapaxes(gradient, -1, -2) / np.linalg.det(gradient)[..., None, None]
+
+
+def maximum_shear(tensor: Array) -> Array:
+    """Half the difference of the largest and the smallest principal value, shape (...), of symmetric (..., 3, 3)."""
+    principal = np.linalg.eigvalsh(tensor)
+    return 0.5 * (principal[..., 2] - principal[..., 0])
+
+
+def element_shear(tensor: Array) -> Array:
+    """Mean over Gauss points of the maximum shear, (..., elements), of tensors (..., elements, Gauss points, 3, 3)."""
+    return maximum_shear(tensor).mean(axis=-1)
+
+
 def averaged_stretch(gradient: Array, structure_tensor: Array) -> Array:
     """λ_f = √(H : C), shape (...), for F of shape (..., 3, 3) and H of shape (3, 3) (section 2.2)."""
     return np.sqrt(np.einsum("...IJ,IJ->...", right_cauchy_green(gradient), structure_tensor))

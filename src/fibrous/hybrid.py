@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fibrous.curves import Curves
-from fibrous.fe.solver import LoadStepError, LoadStepper, Solution
+from fibrous.deformation import cauchy_stress
+from fibrous.fe.solver import Equilibria, LoadStepError, LoadStepper
 from fibrous.fitting.hgo import HGOFit
 from fibrous.networks.engine import PathState
 from fibrous.networks.guard import LIMITS, Limits
@@ -33,7 +34,7 @@ class LaggedSolution:
     lost_states : (network, step) of the states that found no equilibrium; the fits leave them out
     """
 
-    solution: Solution
+    solution: Equilibria
     C2: Array
     C3: Array
     last_changes: Array
@@ -79,7 +80,7 @@ class LaggedRefit:
         steps, elements = len(targets), len(self.networks)
         states: list[PathState | None] = [None] * elements
         record = _Record(steps, elements)
-        solved: list[list[Solution]] = []
+        solved: list[list[Equilibria]] = []
         constants = np.full((2, steps, elements), np.nan)
         changes: list[Array] = []
 
@@ -110,7 +111,7 @@ class LaggedRefit:
         return found()
 
     def _driven(
-        self, part: Solution, step: int, before: list[PathState | None], record: _Record
+        self, part: Equilibria, step: int, before: list[PathState | None], record: _Record
     ) -> list[PathState | None]:
         """States of the networks under their elements' average F; one that is lost waits at the state before."""
         gradients = part.deformation_gradient[0].mean(axis=1)
@@ -127,7 +128,7 @@ class LaggedRefit:
             states[k] = state
             W, P, _ = engine.measures()
             record.energy[step + 1, k] = scale * W[0]
-            record.stress[step + 1, k] = scale * P[..., 0] @ gradient.T / np.linalg.det(gradient)
+            record.stress[step + 1, k] = cauchy_stress(scale * P[..., 0], gradient)
         return states
 
     def _fitted(self, record: _Record, step: int, C2: Array, C3: Array) -> tuple[Array, Array]:
@@ -151,7 +152,7 @@ class _Record:
         return Curves.of_network(F, network.structure_tensor, energy, stress)
 
 
-def _joined(solved: Sequence[Sequence[Solution]], steps: int) -> Solution:
+def _joined(solved: Sequence[Sequence[Equilibria]], steps: int) -> Equilibria:
     """One solution from those of single steps, the last of each step counting; steps that are missing did not converge.
 
     What was spent on a step, and the attempts, are those of all its solutions.
@@ -159,7 +160,7 @@ def _joined(solved: Sequence[Sequence[Solution]], steps: int) -> Solution:
     last = [solutions[-1] for solutions in solved]
     fields = {
         name: np.concatenate([getattr(part, name) for part in last])
-        for name in ("displacement", "internal_force", "deformation_gradient", "stress", "converged")
+        for name in ("displacement", "internal_force", "deformation_gradient", "piola", "converged")
     }
     for name in ("newton_iterations", "cuts"):
         fields[name] = np.concatenate([sum(getattr(one, name) for one in solutions) for solutions in solved])
@@ -175,4 +176,4 @@ def _joined(solved: Sequence[Sequence[Solution]], steps: int) -> Solution:
         for one in solutions
         for attempt in one.attempts
     )
-    return Solution(**arrays, linear_solvers=dict(solvers), state=last[-1].state, attempts=attempts)
+    return Equilibria(**arrays, linear_solvers=dict(solvers), state=last[-1].state, attempts=attempts)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fibrous.fe.fields import cauchy_stress
 from fibrous.materials.contract import Material
 
 Array = NDArray[np.float64]
@@ -17,7 +16,6 @@ def stress_difference(network_stress: Array, matrix: Material, gradients: Array,
     All of shape (..., 3, 3) and in MPa but F; states without an equilibrium, NaN, are left out, and NaN is returned
     where nothing is left.
     """
-    of_matrix = cauchy_stress(matrix(gradients)[0], gradients)
-    difference = np.abs(network_stress + of_matrix - tissue_stress)
+    difference = np.abs(network_stress + matrix.stress(gradients) - tissue_stress)
     known = difference[np.isfinite(difference)]
     return float(known.max()) if known.size else np.nan

@@ -30,7 +30,7 @@ SYNTHETIC = "synthetic specimen"
 WAVES = 128
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Specimen:
     """A piece of tissue and what is done to it.
 
@@ -76,6 +76,11 @@ class Specimen:
                 "give motions relative to that bone"
             )
 
+    def __repr__(self) -> str:
+        counts = {"elements": self.mesh.element_nodes, "nodes": self.mesh.node_position}
+        counts["load steps"] = self.prescribed_displacement
+        return f"<Specimen: {', '.join(f'{len(rows)} {name}' for name, rows in counts.items())}, {self.origin}>"
+
     @property
     def caption(self) -> str:
         """Origin and units for a comment in a file; no two hyphens in a row, which XML does not allow there."""
@@ -102,15 +107,18 @@ class Slab:
 
     Parameters
     ----------
-    counts : elements along x, y and z
+    elements : numbers of them along x, y and z
     length_mm : from bone to bone, along the arc of the middle surface
     height_mm, thickness_mm : along y, and through the thickness
     radius_mm : of the middle surface
 
     Raises MeshError where the slab would close on itself.
+
+    >>> Slab(elements=(15, 20, 3)).specimen(steps=20)
+    <Specimen: 900 elements, 1344 nodes, 20 load steps, synthetic specimen>
     """
 
-    counts: tuple[int, int, int] = (15, 20, 3)
+    elements: tuple[int, int, int] = (15, 20, 3)
     length_mm: float = 10.0
     height_mm: float = 16.0
     thickness_mm: float = 2.0
@@ -147,10 +155,21 @@ class Slab:
         outward = np.stack([np.sin(turn), 0.0 * turn, np.cos(turn)], axis=-1)
         return np.stack([along, np.broadcast_to([0.0, 1.0, 0.0], along.shape), outward], axis=-1)
 
+    def specimen(self, steps: int, fibers: FiberField | None = None, motion: RigidMotion | None = None) -> Specimen:
+        """The synthetic specimen: this slab with fibres, one enthesis of which is moved in `steps` load steps."""
+        mesh, enthesis, centers = self.mesh, self.enthesis, self.element_centers
+        axes, eigenvalues = (fibers or FiberField()).local(centers, self.height_mm)
+        axes = self.frames(centers) @ axes
+        moved = enthesis == MOVED
+        displacement = np.full((steps, *mesh.node_position.shape), np.nan)
+        displacement[:, enthesis == FIXED] = 0.0
+        displacement[:, moved] = (motion or RigidMotion()).displacement(mesh.node_position[moved], steps)
+        return Specimen(mesh, axes[..., 0], structure_tensor_of(axes, eigenvalues), enthesis, displacement, SYNTHETIC)
+
     @property
     def _flat(self) -> Mesh:
         lengths = np.array([self.length_mm, self.height_mm, self.thickness_mm])
-        mesh = box(self.counts, lengths)
+        mesh = box(self.elements, lengths)
         return Mesh(mesh.node_position - 0.5 * lengths, mesh.element_nodes)
 
     def _bent(self, flat: Array) -> Array:
@@ -222,18 +241,6 @@ class RigidMotion:
         arms = position - position.mean(axis=0)
         translation = parts[:, None] * [self.gap_mm, self.slide_mm, 0.0]
         return arms @ (turns - np.eye(3)).swapaxes(1, 2) + translation[:, None]
-
-
-def synthetic_specimen(slab: Slab, fibers: FiberField, motion: RigidMotion, steps: int) -> Specimen:
-    """The synthetic specimen: a slab with these fibres, one enthesis of which is moved in `steps` load steps."""
-    mesh, enthesis, centers = slab.mesh, slab.enthesis, slab.element_centers
-    axes, eigenvalues = fibers.local(centers, slab.height_mm)
-    axes = slab.frames(centers) @ axes
-    moved = enthesis == MOVED
-    displacement = np.full((steps, *mesh.node_position.shape), np.nan)
-    displacement[:, enthesis == FIXED] = 0.0
-    displacement[:, moved] = motion.displacement(mesh.node_position[moved], steps)
-    return Specimen(mesh, axes[..., 0], structure_tensor_of(axes, eigenvalues), enthesis, displacement, SYNTHETIC)
 
 
 def structure_tensor_of(axes: Array, eigenvalues: Array) -> Array:

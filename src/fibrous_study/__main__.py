@@ -16,6 +16,7 @@ from fibrous_study.check import check
 from fibrous_study.config import PROJECT, loaded
 from fibrous_study.datasets import read_table
 from fibrous_study.documentation import described
+from fibrous_study.paper import section
 from fibrous_study.report.readme import blocks, filled
 from fibrous_study.report.tables import VIEWS
 
@@ -63,7 +64,7 @@ def refreshed(page: str) -> str:
     """The README with the numbers of the run that it shows. Raises DatasetError for a table that cannot be read."""
     names = ("claims", "comparison", "stages", "table_2", "targets")
     tables = {name: read_table(SHOWN_RUN / f"{name}.csv", VIEWS[name].needed) for name in names}
-    return filled(page, blocks(tables))
+    return filled(page, blocks(tables, section("statements")))
 
 
 if __name__ == "__main__":

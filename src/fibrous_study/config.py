@@ -23,7 +23,6 @@ Config = dict[str, Any]
 
 PROJECT = Path(__file__).parents[2]
 DEFAULT = PROJECT / "config" / "config.yaml"
-CLAIMS = PROJECT / "config" / "claims.yaml"
 CAPTIONS = PROJECT / "workflow" / "report"
 TEMPLATES = Path(__file__).parent / "report"
 
@@ -52,15 +51,6 @@ def loaded(override: Path | None = None) -> Config:
     if override is not None:
         update_config(config, _read(override))
     return validated(config)
-
-
-@cache
-def statements() -> list[dict[str, Any]]:
-    """What the paper says, as config/claims.yaml has it. Raises ConfigError where that cannot be read."""
-    found = parsed(CLAIMS)
-    if not isinstance(found, list):
-        raise ConfigError(f"{CLAIMS}: must hold a list of statements")
-    return found
 
 
 @cache

@@ -16,14 +16,11 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from fibrous import deformation
+from fibrous.materials.registry import LAWS, WITH_CONSTANTS
 from fibrous.networks import GENERATORS
 from fibrous_study import plan
 
 UNITS = {"um": "µm", "mm": "mm", "MPa": "MPa", "degrees": "degrees"}
-# What the fibers of the tissue may do, and which of these laws have the constants C2 and C3.
-LAWS_WITH_CONSTANTS = ("structure_tensor", "families")
-LAWS = ("families", "structure_tensor", "affine", "matrix", "network")
-
 SURFACE_TERMS = 9
 RESERVED = ("specimen", "table", "comparison")  # names of files beside those of the runs
 CLAIMED_LOADS = {"x_uniaxial", "xy_biaxial", "xz_biaxial"}  # by which the statements about network 3 are judged
@@ -70,8 +67,8 @@ if TYPE_CHECKING:  # names of registries, which are texts to a type checker
     LawWithConstants = str
 else:
     Generator = Literal[(*GENERATORS, "file")]
-    Law = Literal[LAWS]
-    LawWithConstants = Literal[LAWS_WITH_CONSTANTS]
+    Law = Literal[tuple(LAWS)]
+    LawWithConstants = Literal[tuple(WITH_CONSTANTS)]
 
 Name = Annotated[str, Field(pattern="^[A-Za-z0-9_]+$")]  # becomes part of a file name
 File = Annotated[str, Field(min_length=1)]
@@ -318,10 +315,7 @@ class Model(Section):
     """What the fibers of the tissue do, and where the constants of a law come from."""
 
     name: Name = key("its name")
-    law: Law = key(
-        "families: Eq. 10C; structure_tensor: Eq. 2; affine: the network's fibers, stretched with F; matrix: none; "
-        "network: a network in equilibrium at every Gauss point"
-    )
+    law: Law = key("; ".join(f"{name}: {law.label}" for name, law in LAWS.items()))
     constants: Literal["fit", "surface"] = optional("source of C2 and C3: fits to networks, or Eq. 11")
     energy: LawWithConstants = optional("law that is fitted")
     objective: Literal["energy", "stress"] = optional("what the fit compares with the networks'")
@@ -329,8 +323,8 @@ class Model(Section):
     load_steps: Count = optional("load steps of a run with networks, if not those of the specimen")
 
     def _contradictions(self) -> Iterator[str]:
-        needed = {"constants"} if self.law in LAWS_WITH_CONSTANTS else set()
-        allowed = {"load_steps"} if self.law == "network" else set()
+        needed = {"constants"} if LAWS[self.law].has_constants else set()
+        allowed = {"load_steps"} if LAWS[self.law].is_solved else set()
         if needed and self.constants == "fit":
             needed, allowed = needed | {"energy", "objective"}, {"refit"}
         given = self.model_fields_set - {"name", "law"} - (set() if self.refit else {"refit"})

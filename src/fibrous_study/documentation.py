@@ -180,18 +180,19 @@ TABLES: dict[str, dict[str, tuple[str, str]]] = {
         "r_squared": ("1", "coefficient of determination of the fit that gave the constants"),
     },
     "claims.csv": {
-        "id": ("", "statement of the paper, as config/claims.yaml has it"),
-        "section": ("", "where the paper says it"),
-        "says": ("", "what the paper says, and prints"),
-        "here": ("", "what came out"),
-        "spread": ("", "its range over the replicates of the networks, where one network could mislead"),
+        "claim": ("", "statement of the paper, as config/paper.yaml has it"),
+        "quantity": ("", "number behind the verdict, as the statement's sentences in config/paper.yaml name it"),
+        "load_set": ("", "load set that it belongs to, or nothing"),
+        "value": ("1", "the number, in `unit`; 1 and 0 where it says whether something holds"),
+        "unit": ("", "its unit"),
+        "low": ("1", "least over the replicates of the network that the value is of"),
+        "high": ("1", "largest over them"),
+        "printed": ("1", "the paper's number"),
         "verdict": (
             "",
-            "`reproduced`, `partly`, `not reproduced`, `contradicted by the paper itself` or `cannot be checked: data "
-            "not public`, by the thresholds of `claims` in the config",
+            "of the statement: `reproduced`, `partly`, `not reproduced`, `contradicted by the paper itself` or `cannot "
+            "be checked: data not public`, by the thresholds of `claims` in the config",
         ),
-        "why": ("", "why, with numbers of the run"),
-        "data": ("", "files it is computed from"),
     },
     "tables/stages.csv": {
         "stage": ("", "stage of the study"),

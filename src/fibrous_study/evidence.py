@@ -11,15 +11,10 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from fibrous.curves import Curves
 from fibrous.errors import DatasetError
 from fibrous_study import datasets
-from fibrous_study.audit.costs import Costs
-from fibrous_study.audit.evidence import Constants
-from fibrous_study.audit.finding import Thresholds
-from fibrous_study.audit.laws import INITIAL, REFIT
-from fibrous_study.audit.statements import Evidence
-from fibrous_study.audit.tissue import Tissue
+from fibrous_study.audit.evidence import Constants, Costs, Evidence, Tissue
+from fibrous_study.audit.verdict import ENSEMBLE, NAMED
 from fibrous_study.curve_datasets import read_curves
 from fibrous_study.fit_tables import ALL, SINGLE, fits_of
 from fibrous_study.solutions import LAW
@@ -36,78 +31,54 @@ NETWORK_PARTS = ("equilibrium", "condensation")
 
 def gathered(inputs: Mapping[str, list[Path]], config: Mapping[str, Any]) -> Evidence:
     """What `inputs` hold for the audit. Raises DatasetError where a file does not hold what is needed."""
-    sets = {entry["name"]: spoken(entry["name"]) for entry in config["load_sets"]}
+    sets = [entry["name"] for entry in config["load_sets"]]
+    curves = {name: read_curves(inputs[name]) for name in ("small", "large", "ensemble")}
+    fits = {
+        f"{group}{strain}_fits": {one: _fits(inputs[f"{group}fits_{strain}"], one, ALL) for one in sets}
+        for group in ("", "ensemble_")
+        for strain in ("small", "large")
+    }
+    known = {
+        group: np.all(
+            [
+                *(one.known for name, one in curves.items() if _group(name) == group),
+                *(one.known for name, by_set in fits.items() if _group(name) == group for one in by_set.values()),
+            ],
+            axis=0,
+        )
+        for group in (NAMED, ENSEMBLE)
+    }
     networks = [datasets.read(path, "networks") for path in inputs["networks"]]
     of_case = [one.isel(network=one["name"].values == config["case"]) for one in networks]
-    fits = {
-        name: {words: _fits(inputs[name], load_set, ALL) for load_set, words in sets.items()}
-        for name in ("fits_small", "fits_large", "ensemble_fits_small", "ensemble_fits_large")
-    }
-    curves = {name: read_curves(inputs[name]) for name in ("small", "large", "ensemble")}
     path = read_curves(inputs["path"])
-    known = _nothing_missing(curves, fits)
-    curves = {name: one.of(known[name]) for name, one in curves.items()}
-    fits = {name: {words: one.of(known[name]) for words, one in by_set.items()} for name, by_set in fits.items()}
     surface = datasets.read(inputs["surface"][0], "surface").sel(protocol=config["large"])
     return Evidence(
-        thresholds=Thresholds(**config["claims"]),
-        load_sets={sets[entry["name"]]: tuple(entry["loads"]) for entry in config["load_sets"]},
-        largest_C3=config["fit"]["largest_C3"],
-        tension_only=config["tension_only"],
-        case=config["case"],
-        survey=tuple(config["survey"]),
-        asked={entry["name"]: _tensor(entry) for entry in config["named"]},
+        config,
         tensors=np.concatenate([one["structure_tensor"].values for one in of_case]),
         fractions=np.concatenate([one["volume_fraction"].values for one in of_case]),
-        small=curves["small"],
-        large=curves["large"],
         path=path,
-        small_fits=fits["fits_small"],
-        large_fits=fits["fits_large"],
-        case_fits={
-            INITIAL: _fits(inputs["fits_initial"], config["load_set"], ALL).called(config["case"]),
-            REFIT: _fits(inputs["fits_refit"], SINGLE, path.loads[0]).called(config["case"]),
-        },
-        ensemble=curves["ensemble"],
-        ensemble_small_fits=fits["ensemble_fits_small"],
-        ensemble_large_fits=fits["ensemble_fits_large"],
+        **{name: one.of(known[_group(name)]) for name, one in curves.items()},
+        **{name: {key: one.of(known[_group(name)]) for key, one in by_set.items()} for name, by_set in fits.items()},
+        initial=_fits(inputs["fits_initial"], config["load_set"], ALL).called(config["case"]),
+        refit=_fits(inputs["fits_refit"], SINGLE, path.loads[0]).called(config["case"]),
         surface_r_squared={
-            words: tuple(surface["r_squared"].sel(load_set=name, constant=[*SURFACES.values()]).values.tolist())
-            for name, words in sets.items()
+            name: {
+                key: float(surface["r_squared"].sel(load_set=name, constant=which)) for key, which in SURFACES.items()
+            }
+            for name in sets
         },
         surface_coefficients={
-            constant: {
-                words: surface["coefficient"].sel(load_set=name, constant=which).values for name, words in sets.items()
-            }
-            for constant, which in SURFACES.items()
+            key: {name: surface["coefficient"].sel(load_set=name, constant=which).values for name in sets}
+            for key, which in SURFACES.items()
         },
         tissue=_tissue(inputs["tissue"]),
         costs=_costs(inputs, config),
-        left_out={name: int((~one).sum()) for name, one in known.items()},
+        left_out={group: int((~mask).sum()) for group, mask in known.items()},
     )
 
 
-def _nothing_missing(
-    curves: Mapping[str, Curves], fits: Mapping[str, Mapping[str, Constants]]
-) -> dict[str, np.ndarray[Any, np.dtype[np.bool_]]]:
-    """Which networks lack nothing in any of the curves and fits, of the ensemble or of the others, by their names."""
-    found = {name: [one.known] for name, one in curves.items()}
-    found |= {name: [one.known for one in by_set.values()] for name, by_set in fits.items()}
-    of_ensemble, of_others = (
-        np.all([mask for name, masks in found.items() if name.startswith("ensemble") == kind for mask in masks], axis=0)
-        for kind in (True, False)
-    )
-    return {name: of_ensemble if name.startswith("ensemble") else of_others for name in found}
-
-
-def spoken(load_set: str) -> str:
-    """The name of a load set as the audit's sentences say it.
-
-    >>> spoken("section_3_1"), spoken("my_loads")
-    ("section 3.1's loads", 'my loads')
-    """
-    words = load_set.split("_")
-    return f"section {'.'.join(words[1:])}'s loads" if words[0] == "section" else " ".join(words)
+def _group(name: str) -> str:
+    return ENSEMBLE if name.startswith("ensemble") else NAMED
 
 
 def _fits(paths: list[Path], load_set: str, deformation: str) -> Constants:
@@ -127,11 +98,6 @@ def _fits(paths: list[Path], load_set: str, deformation: str) -> Constants:
     )
 
 
-def _tensor(entry: Mapping[str, Any]) -> np.ndarray:
-    """H asked of a named network."""
-    return np.diag([entry["H11"], entry["H22"], 1.0 - entry["H11"] - entry["H22"]])
-
-
 def _tissue(paths: list[Path]) -> Tissue:
     """The runs of Fig. 9: multiscale, initial, refit."""
     states = [datasets.read(path, "tissue") for path in paths]
@@ -142,11 +108,9 @@ def _tissue(paths: list[Path]) -> Tissue:
 
 def _costs(inputs: Mapping[str, list[Path]], config: Mapping[str, Any]) -> Costs:
     reference = inputs["tissue"][0].stem
-    columns = ("method", "runs", "task", "cpu_hours", "processes")
-    table = datasets.read_table(inputs["table_2"][0], columns)
-    rows = list(zip(*(table[column] for column in columns), strict=True))
-    hours = {(method, task): spent for method, runs, task, spent, _ in rows if method == "hybrid" or runs == reference}
-    runs = next(int(processes) for *_, task, _, processes in rows if task == TASKS["hybrid"])
+    table = datasets.read_table(inputs["table_2"][0], ("method", "runs", "task", "cpu_hours", "processes"))
+    table = table[(table["method"] == "hybrid") | (table["runs"] == reference)].set_index(["method", "task"])
+    hours = table["cpu_hours"]
     multiscale, _, refit = (datasets.read(path, "tissue") for path in inputs["tissue"])
     networks = [datasets.read(path, "networks") for path in inputs["tissue_networks"]]
     of_networks, of_law = (json.loads(run.attrs["cpu_seconds_of_parts"]) for run in (multiscale, refit))
@@ -159,7 +123,7 @@ def _costs(inputs: Mapping[str, list[Path]], config: Mapping[str, Any]) -> Costs
         loads=next(len(entry["loads"]) for entry in config["load_sets"] if entry["name"] == config["load_set"]),
         steps=config["protocol"]["steps"],
         load_steps=multiscale.sizes["step"],
-        runs=runs,
+        runs=int(table["processes"]["hybrid", TASKS["hybrid"]]),
         fibers=float(np.median(np.concatenate([one["fiber_count"].values for one in networks]))),
         nodes=float(np.median(np.concatenate([_interior_nodes(one) for one in networks]))),
         evaluations=_evaluations(refit),

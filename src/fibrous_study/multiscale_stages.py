@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from fibrous.materials.registry import LAWS
 from fibrous_study import plan
-from fibrous_study.config import statements
 from fibrous_study.network_stages import SPECIMEN, curves_of, figure, once
+from fibrous_study.paper import paper, section
 from fibrous_study.plan import (
     CASE_PATH,
     CASE_PROTOCOL,
@@ -76,7 +77,7 @@ def _table_2_inputs(config: Config, _: Wildcards) -> dict[str, list[str]]:
             ]
         ],
         "hybrid": _tissue(*(run.name for run in runs)),
-        "multiscale": _tissue(*(run.name for run in plan.runs(config) if run.model["law"] == "network")),
+        "multiscale": _tissue(*(run.name for run in plan.runs(config) if LAWS[run.model["law"]].is_solved)),
     }
 
 
@@ -107,7 +108,7 @@ def _claims_inputs(config: Config) -> dict[str, list[str]]:
 def _claims_config(config: Config) -> dict[str, Any]:
     large = FIGURE_PROTOCOLS[0]
     return {
-        "statements": statements(),
+        "paper": paper(),
         "case": FIGURE_NETWORK,
         "survey": list(SURVEY_NETWORKS),
         "large": large,
@@ -160,6 +161,7 @@ MULTISCALE_STAGES: dict[str, Stage] = {
             "model": plan.form_of(_hybrid_runs(config)[0].model),
             "load_set": config["tissue"]["load_set"],
             "loads_used": _loads_used(config),
+            "paper": section("table_2"),
         },
         instances=_timed,
     ),

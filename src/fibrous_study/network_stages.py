@@ -9,6 +9,7 @@ from typing import Any
 
 from fibrous_study import plan
 from fibrous_study.batches import replicate_numbers, replicated, share
+from fibrous_study.paper import section
 from fibrous_study.plan import CASE_PATH, CASE_PROTOCOL, FIGURE_NETWORK, FIGURE_PROTOCOLS, Config, Stage, Wildcards
 
 SPECIMEN = "results/tissue/specimen.nc"
@@ -135,7 +136,8 @@ def _fits_config(config: Config, wildcards: Wildcards) -> dict[str, Any]:
 
 
 def _surface_config(config: Config, _: Wildcards) -> dict[str, Any]:
-    return {"surface": config["surface"], "delaunay": _alignments(config)}
+    paper = {name: section(name) for name in ("table_1", "alignments")}
+    return {"surface": config["surface"], "delaunay": _alignments(config), "paper": paper}
 
 
 def curves_of(config: Config, ensemble: str, protocol: str) -> list[str]:
@@ -228,5 +230,7 @@ NETWORK_STAGES: dict[str, Stage] = {
             "load_sets": config["load_sets"],
         },
     ),
-    "figure_7": figure("figure_7", {"data": ".csv"}, inputs=lambda _: {}, config=lambda _: {}),
+    "figure_7": figure(
+        "figure_7", {"data": ".csv"}, inputs=lambda _: {}, config=lambda _: {"paper": section("figure_7")}
+    ),
 }

@@ -13,6 +13,7 @@ from typing import Any
 import pandas as pd
 
 from fibrous.errors import ConfigError
+from fibrous.materials.registry import LAWS
 from fibrous.networks import GENERATORS
 from fibrous.specimen import SYNTHETIC
 
@@ -206,7 +207,7 @@ def reference_run(config: Config) -> str:
     """The run against which all others are judged: the first with networks at every load step; empty without one."""
     # A user's own motion says itself how many steps it has.
     steps = None if own_specimen(config) else config["synthetic_specimen"]["load_steps"]
-    found = (run for run in runs(config) if run.model["law"] == "network")
+    found = (run for run in runs(config) if LAWS[run.model["law"]].is_solved)
     return next((run.name for run in found if run.model.get("load_steps", steps) == steps), "")
 
 

@@ -20,12 +20,12 @@ class Progress:
 
     def goes_on(self, walk: Walk) -> None:
         """The walk begins at a step that was not the first: what came before says nothing of the speed."""
-        self._first = walk.record.step
+        self._first = walk.step
         self._say(f"{self.name}: going on after load step {self._first} of {len(walk.targets)}")
 
     def __call__(self, walk: Walk) -> None:
         """To be called with the walk after every Newton iteration."""
-        step, steps = walk.record.step, len(walk.targets)
+        step, steps = walk.step, len(walk.targets)
         elapsed = time.monotonic() - self._start
         done = step - self._first
         left = f", about {_clock(elapsed / done * (steps - step))} left" if done else ""

@@ -13,6 +13,7 @@ from fibrous_study import plan
 from fibrous_study.config import PROJECT, TEMPLATES, caption, loaded
 from fibrous_study.jobs import jobs
 from fibrous_study.network_stages import SPECIMEN, contents, curves_of, figure, once
+from fibrous_study.paper import section
 from fibrous_study.plan import FIGURE_NETWORK, FIGURE_PROTOCOLS, REFIT, Config, Stage
 from fibrous_study.report.outline import TARGETS, exhibits
 from fibrous_study.report.tables import VIEWS
@@ -177,6 +178,7 @@ def _report_config(stages: Mapping[str, Stage], config: Config) -> dict[str, Any
         "figures": [{"stage": name, "caption": caption(name)} for name in _figures(stages, config)],
         "tables": _tables(stages, config),
         "templates": _templates(),
+        "paper": {name: section(name) for name in ("statements", "contradictions")},
         "other_than_default": [key for key in default if key in study and study[key] != default[key]],
         "seed": config["seed"],
         "commit": commit(PROJECT),

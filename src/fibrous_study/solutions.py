@@ -14,17 +14,14 @@ import xarray as xr
 
 from fibrous.clock import Clock
 from fibrous.errors import ConvergenceError, DatasetError
-from fibrous.fe.boundary import reaction_force
-from fibrous.fe.fields import cauchy_stress
 from fibrous.fe.mesh import Mesh
-from fibrous.fe.solver import Attempt, LoadStepError, Solution
-from fibrous.io.vtu import vtu
+from fibrous.fe.solver import Attempt, LoadStepError
 from fibrous.materials.contract import Material
-from fibrous.materials.hgo import law_called
-from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
+from fibrous.materials.registry import law_called
 from fibrous.materials.timed import Timed
 from fibrous.specimen import FIXED, MOVED, Specimen
+from fibrous.tissue import Solution
 from fibrous_study import datasets
 from fibrous_study.fit_tables import ALL, LOAD, SINGLE, TENSOR_COLUMNS, fits_of, structure_tensors
 
@@ -83,18 +80,26 @@ def tissue_material(
 
     Raises MaterialError for a law that is unknown, or for its constants.
     """
-    law, matrix = config["model"]["law"], NeoHookean(config["matrix"]["C1_MPa"], config["matrix"]["lame_lambda_MPa"])
+    law, matrix = config["model"]["law"], matrix_of(config)
     if law == "matrix":
         return matrix
     if fibers is None:
-        # One value an element, the same at its Gauss points.
-        C2, C3, tensor = constants.C2[:, None], constants.C3[:, None], constants.structure_tensor[:, None]
-        fibers = law_called(law).of_structure_tensor(tensor, C2, C3, config["tension_only"])
-    return Mixture((matrix, Timed(fibers, clock, LAW)))
+        fibers = fibers_of(law, constants, config["tension_only"])
+    return matrix + Timed(fibers, clock, LAW)
+
+
+def matrix_of(config: Mapping[str, Any]) -> NeoHookean:
+    """The matrix of the config."""
+    return NeoHookean(config["matrix"]["C1_MPa"], config["matrix"]["lame_lambda_MPa"])
+
+
+def fibers_of(law: str, constants: Constants, tension_only: bool) -> Material:
+    """The law of that name with one value per element, the same at its Gauss points."""
+    C2, C3, tensor = constants.C2[:, None], constants.C3[:, None], constants.structure_tensor[:, None]
+    return law_called(law).material.of_structure_tensor(tensor, C2, C3, tension_only)
 
 
 def tissue_dataset(
-    specimen: Specimen,
     solution: Solution,
     C2: np.ndarray,
     C3: np.ndarray,
@@ -108,15 +113,11 @@ def tissue_dataset(
     `clock` holds what the parts of the run cost; `network_counts` are what networks spent at each step, by the names of
     the variables, shape (steps,).
     """
-    entheses = [FIXED, MOVED]
-    reactions = [reaction_force(solution.internal_force, np.flatnonzero(specimen.enthesis == one)) for one in entheses]
-    with np.errstate(invalid="ignore"):  # steps that did not converge are NaN
-        stress = cauchy_stress(solution.stress, solution.deformation_gradient)
     arrays = {
         "displacement": solution.displacement,
         "deformation_gradient": solution.deformation_gradient,
-        "cauchy_stress": stress,
-        "reaction_force": np.stack(reactions, axis=1),
+        "cauchy_stress": solution.cauchy,
+        "reaction_force": solution.reaction,
         "newton_iterations": solution.newton_iterations,
         "cuts": solution.cuts,
         "converged": solution.converged,
@@ -125,10 +126,10 @@ def tissue_dataset(
         "C2": C2,
         "C3": C3,
     }
-    coords = {"step": np.arange(1, len(solution.converged) + 1), "enthesis": np.array(entheses)}
+    coords = {"step": np.arange(1, len(solution.converged) + 1), "enthesis": np.array([FIXED, MOVED])}
     dataset = datasets.packed(arrays, datasets.TISSUE, coords)
     dataset.attrs.update(
-        origin=specimen.origin,
+        origin=solution.specimen.origin,
         C1_MPa=matrix["C1_MPa"],
         lame_lambda_MPa=matrix["lame_lambda_MPa"],
         linear_solvers=json.dumps(dict(solution.linear_solvers)),
@@ -138,7 +139,7 @@ def tissue_dataset(
 
 
 def write_tissue(
-    specimen: Specimen,
+    solution: Solution,
     dataset: xr.Dataset,
     failure: LoadStepError | None,
     outputs: Mapping[str, Path],
@@ -154,24 +155,17 @@ def write_tissue(
         raise ConvergenceError(f"model {params['config']['run']}: {failure} (the converged part is in {kept})")
     last = dataset.isel(step=-1)
     constants = {"C2_MPa": last["C2"].values, "C3": last["C3"].values}
-    if np.isnan(constants["C2_MPa"]).all():
-        constants = {}
-    content = vtu(
-        specimen,
-        last["displacement"].values,
-        last["deformation_gradient"].values,
-        last["cauchy_stress"].values,
-        constants,
-    )
-    datasets.write_bytes(content, outputs["vtu"], params)
+    has_constants = not np.isnan(constants["C2_MPa"]).all()
+    datasets.write_bytes(solution.vtu(cells=constants if has_constants else None), outputs["vtu"], params)
     datasets.write(dataset, outputs["tissue"], "tissue", params)
     kept.unlink(missing_ok=True)
 
 
 def say(attempts: tuple[Attempt, ...]) -> None:
     """The residuals of every increment on stderr, for the log."""
-    for one in attempts:
-        part = "" if (one.start, one.end) == (0.0, 1.0) else f", {100 * one.start:g} to {100 * one.end:g} %"
-        residuals = " ".join(f"{residual:.1e}" for residual in one.residuals)
-        failure = f" - given up: {one.failure}" if one.failure else ""
-        print(f"step {one.step + 1}{part}: residuals {residuals}{failure}", file=sys.stderr)
+    for attempt in attempts:
+        whole = (attempt.start, attempt.end) == (0.0, 1.0)
+        part = "" if whole else f", {100 * attempt.start:g} to {100 * attempt.end:g} %"
+        residuals = " ".join(f"{residual:.1e}" for residual in attempt.residuals)
+        failure = f" - given up: {attempt.failure}" if attempt.failure else ""
+        print(f"step {attempt.step + 1}{part}: residuals {residuals}{failure}", file=sys.stderr)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from fibrous.materials.hgo import LAWS
+from fibrous.materials.registry import LAWS
 from fibrous_study import plan
 from fibrous_study.network_stages import SPECIMEN, contents, curves_of, figure, fits_config, once
 from fibrous_study.plan import CASE_PATH, CASE_PROTOCOL, FIGURE_NETWORK, REFIT, Config, Run, Stage, Wildcards
@@ -28,12 +28,12 @@ def _runs(config: Config, lagged: bool) -> list[Run]:
 
 
 def _with_networks(config: Config) -> list[Run]:
-    return [run for run in plan.runs(config) if run.model["law"] == "network"]
+    return [run for run in plan.runs(config) if LAWS[run.model["law"]].is_solved]
 
 
 def _continuous(config: Config) -> list[Run]:
     """Runs whose fibres are a law of the continuum."""
-    return [run for run in _runs(config, lagged=False) if run.model["law"] != "network"]
+    return [run for run in _runs(config, lagged=False) if not LAWS[run.model["law"]].is_solved]
 
 
 def _instances(runs: list[Run]) -> list[dict[str, str]]:
@@ -54,7 +54,7 @@ def _tissue_inputs(config: Config, wildcards: Wildcards) -> dict[str, list[str]]
             found["fits"] = [f"results/fits/tissue/{protocol}.csv"]
         case "surface":
             found["surface"] = ["results/tables/surface.nc"]
-    if run.model["law"] == "affine":
+    if LAWS[run.model["law"]].has_networks:
         found["networks"] = networks_of_elements(config)
     return found
 
@@ -68,7 +68,7 @@ def _tissue_config(config: Config, wildcards: Wildcards) -> dict[str, Any]:
     run, tissue = plan.run_called(config, wildcards["run"]), config["tissue"]
     part = {"run": run.name, "model": run.model, "refits": run.refits, "matrix": config["matrix"]}
     part["linear_solver"] = tissue["linear_solver"]
-    if run.model["law"] in LAWS:
+    if LAWS[run.model["law"]].has_constants:
         part["tension_only"] = tissue["tension_only"]
     match run.model.get("constants"):
         case "fit" if not run.refits:
@@ -98,7 +98,7 @@ def _in_febio(config: Config) -> list[Run]:
     """Runs whose problem FEBio can be given: families that carry tension alone, with constants that never change."""
     if plan.own_networks(config) or not config["tissue"]["tension_only"]:
         return []
-    return [run for run in _runs(config, lagged=False) if run.model["law"] == "families"]
+    return [run for run in _runs(config, lagged=False) if LAWS[run.model["law"]].in_febio]
 
 
 def runs_config(config: Config) -> dict[str, Any]:
@@ -113,7 +113,9 @@ def runs_config(config: Config) -> dict[str, Any]:
 
 def _case_models(config: Config) -> list[Config]:
     return [
-        model for model in config["tissue"]["models"] if model.get("constants") == "fit" or model["law"] == "affine"
+        model
+        for model in config["tissue"]["models"]
+        if model.get("constants") == "fit" or (LAWS[model["law"]].has_networks and not LAWS[model["law"]].is_solved)
     ]
 
 

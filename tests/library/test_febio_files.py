@@ -7,10 +7,11 @@ from feb_reader import Feb
 from fibrous.fe.mesh import Mesh
 from fibrous.fe.solver import LoadStepper
 from fibrous.io.febio import feb
+from fibrous.materials.contract import Material, MaterialError, Mixture
 from fibrous.materials.hgo import HGOFamilies
-from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
-from fibrous.specimen import FiberField, RigidMotion, Slab, Specimen, synthetic_specimen
+from fibrous.materials.registry import LAWS, WITH_CONSTANTS
+from fibrous.specimen import Slab, Specimen
 
 C1, LAME_LAMBDA = 0.025, 0.417
 STEPS = 3
@@ -18,10 +19,15 @@ STEPS = 3
 
 @pytest.fixture(scope="module")
 def problem() -> tuple[Specimen, np.ndarray, np.ndarray, Feb]:
-    specimen = synthetic_specimen(Slab(counts=(3, 4, 2)), FiberField(), RigidMotion(), STEPS)
+    specimen = Slab(elements=(3, 4, 2)).specimen(STEPS)
     elements = len(specimen.mesh.element_nodes)
     C2, C3 = np.linspace(0.1, 0.3, elements), np.linspace(0.0, 1.0, elements)
-    return specimen, C2, C3, Feb(feb(specimen, C1, LAME_LAMBDA, C2, C3))
+    return specimen, C2, C3, Feb(feb(specimen, material(specimen, C2, C3)))
+
+
+def material(specimen: Specimen, C2: np.ndarray, C3: np.ndarray, tension_only: bool = True) -> Material:
+    fibers = HGOFamilies.of_structure_tensor(specimen.structure_tensor[:, None], C2[:, None], C3[:, None], tension_only)
+    return NeoHookean(C1, LAME_LAMBDA) + fibers
 
 
 def test_the_file_is_of_format_4_for_solids_in_mm_n_and_s(problem):
@@ -116,6 +122,20 @@ def test_any_origin_makes_a_file_that_can_be_read(problem):
     specimen, C2, C3, _ = problem
     parts = {name: getattr(specimen, name) for name in Specimen.__dataclass_fields__}
     odd = Specimen(**parts | {"origin": "mesh of a--b---c<&>.vtu-"})
-    content = feb(odd, C1, LAME_LAMBDA, C2, C3)
+    content = feb(odd, material(specimen, C2, C3))
     assert len(Feb(content).element_nodes) == len(C2)
-    assert "synthetic specimen; mm, N, MPa" in feb(specimen, C1, LAME_LAMBDA, C2, C3).decode()
+    assert "synthetic specimen; mm, N, MPa" in feb(specimen, material(specimen, C2, C3)).decode()
+
+
+def test_what_febio_does_not_have_is_refused_and_the_registry_knows_it(problem):
+    specimen, C2, C3, _ = problem
+    H = specimen.structure_tensor[:, None]
+    for name in WITH_CONSTANTS:
+        law = LAWS[name].material.of_structure_tensor(H, C2[:, None], C3[:, None])
+        if LAWS[name].in_febio:
+            assert feb(specimen, NeoHookean(C1, LAME_LAMBDA) + law)
+        else:
+            with pytest.raises(MaterialError, match="FEBio has no"):
+                feb(specimen, NeoHookean(C1, LAME_LAMBDA) + law)
+    with pytest.raises(MaterialError, match="in tension alone"):
+        feb(specimen, material(specimen, C2, C3, tension_only=False))

@@ -9,8 +9,8 @@ from fibrous.fe import hex8
 from fibrous.fe.assembly import Assembly
 from fibrous.fe.boundary import PrescribedDisplacement
 from fibrous.fe.mesh import Mesh, MeshError, box
+from fibrous.materials.contract import Mixture
 from fibrous.materials.hgo import HGOFamilies
-from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
 
 

@@ -12,9 +12,8 @@ from fibrous.curves import Curves
 from fibrous.fitting.hgo import (
     LARGEST_EXPONENT,
     energy_slope,
-    fit_constants,
+    fit_hgo,
     strain_energy,
-    strain_energy_slope,
 )
 
 LARGEST_C3 = 50.0
@@ -27,7 +26,7 @@ def fitted(stretch, energy, **changes):
     F = np.tile(np.eye(3), (*stretch.shape, 1, 1))
     F[..., 0, 0] = stretch
     curves = Curves.of_network(F, np.diag([1.0, 0.0, 0.0]), energy, np.full(F.shape, np.nan))
-    return fit_constants(curves, "structure_tensor", "energy", tension_only=True, **{**CONFIG, **changes})
+    return fit_hgo(curves, **{**CONFIG, **changes})
 
 
 def constants(fit):
@@ -62,9 +61,7 @@ def test_energy_is_eq_2_and_its_slope_is_the_derivative(C3, above):
             return square if law == 0 else mpmath.expm1(law * square) / law
 
         energy = eq_2(mpmath.mpf(stretch))
-        slope = mpmath.diff(eq_2, mpmath.mpf(stretch), h=mpmath.mpf(10) ** -15)
     assert float(strain_energy(2.0, C3, stretch)) == pytest.approx(float(energy), rel=1e-11)
-    assert float(strain_energy_slope(2.0, C3, stretch)) == pytest.approx(float(slope), rel=1e-9)
 
 
 def test_energy_of_vanishing_c3_is_the_quadratic_limit():
@@ -87,7 +84,8 @@ def test_energy_slope_converges_with_second_order():
     errors = []
     for points in (41, 81, 161):
         stretch = 1.0 + 0.5 * np.linspace(0.0, 1.0, points) ** 1.3
-        error = energy_slope(stretch, strain_energy(1.0, 1.0, stretch)) - strain_energy_slope(1.0, 1.0, stretch)
+        exact = 2.0 * stretch * (stretch**2 - 1.0) * np.exp((stretch**2 - 1.0) ** 2)
+        error = energy_slope(stretch, strain_energy(1.0, 1.0, stretch)) - exact
         errors.append(np.abs(error[1:]).max())
     rates = np.log2(np.array(errors[:-1]) / errors[1:])
     assert np.all(rates > 1.85)

@@ -13,10 +13,10 @@ from tissues import stretched_box
 from fibrous.curves import Curves
 from fibrous.fe.mesh import box
 from fibrous.fe.solver import LoadStepError, LoadStepper
-from fibrous.fitting.hgo import HGOFit, fit_constants
+from fibrous.fitting.hgo import HGOFit, fit_hgo
 from fibrous.hybrid import LaggedRefit
-from fibrous.materials.hgo import HGOFamilies
-from fibrous.materials.mixture import Mixture
+from fibrous.materials.contract import Mixture
+from fibrous.materials.hgo import HGOFamilies, HGOStructureTensor
 from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.networks.engine import Engine
 from fibrous.networks.network import Network
@@ -27,14 +27,14 @@ C2, C3 = np.array([0.1, 0.2]), np.array([0.0, 1.0])
 SCALE = stress_scale(10.0, 0.1, 8.0)
 fit_energy, fit_stress = (
     partial(
-        fit_constants,
-        energy=energy,
+        fit_hgo,
+        law=law,
         objective=objective,
         tension_only=True,
         largest_C3=50.0,
         slope_fit_below_r_squared=0.5,
     )
-    for energy, objective in (("structure_tensor", "energy"), ("families", "stress"))
+    for law, objective in ((HGOStructureTensor, "energy"), (HGOFamilies, "stress"))
 )
 
 
@@ -101,7 +101,7 @@ def test_constants_that_never_change_give_the_plain_run(networks):
 
     found = follow(networks, unchanged, repetitions=2)
     plain = stepper(networks, C2, C3).follow(stretched_box(MESH, STRETCHES).values)
-    for name in ("displacement", "internal_force", "deformation_gradient", "stress"):
+    for name in ("displacement", "internal_force", "deformation_gradient", "piola"):
         np.testing.assert_allclose(getattr(found.solution, name), getattr(plain, name), atol=1e-10)
     assert found.solution.converged.all()
     np.testing.assert_array_equal(found.C2, np.tile(C2, (4, 1)))
@@ -123,7 +123,7 @@ def test_each_step_runs_with_what_the_networks_did_before_it(networks, fit):
         assembly = stepper(networks, found.C2[step], found.C3[step]).assembly
         point = assembly.evaluate(found.solution.displacement[step], assembly.split(None))
         assert np.abs(point.internal_force.ravel()[assembly.free]).max() < 1e-11 * point.force_scale
-        np.testing.assert_allclose(point.stress, found.solution.stress[step], rtol=0.0, atol=1e-14)
+        np.testing.assert_allclose(point.piola, found.solution.piola[step], rtol=0.0, atol=1e-14)
     assert np.abs(np.diff(found.C2, axis=0)).min() > 1e-4
     assert found.last_changes.shape == (0, 2)
 
@@ -159,7 +159,7 @@ def test_a_step_that_fails_leaves_what_converged_with_its_constants(networks):
     assert error.value.step == 2
     assert error.value.solution is found.solution
     np.testing.assert_array_equal(found.solution.converged, [True, True, False, False])
-    for name in ("displacement", "internal_force", "deformation_gradient", "stress"):
+    for name in ("displacement", "internal_force", "deformation_gradient", "piola"):
         values = getattr(found.solution, name)
         np.testing.assert_array_equal(values[:2], getattr(whole.solution, name))
         assert np.isnan(values[2:]).all()

@@ -13,16 +13,14 @@ from scipy.spatial.transform import Rotation
 from fibrous.clock import Clock
 from fibrous.deformation import Load, averaged_stretch
 from fibrous.fitting.hgo import strain_energy
-from fibrous.materials import hgo
+from fibrous.materials import registry
 from fibrous.materials.affine_fibers import AffineFibers, half_sphere
-from fibrous.materials.contract import MaterialError, join, select
-from fibrous.materials.hgo import HGOFamilies, HGOStructureTensor, law_called
-from fibrous.materials.mixture import Mixture
+from fibrous.materials.contract import Material, MaterialError, Mixture, join, select
+from fibrous.materials.hgo import HGO, HGOFamilies, HGOStructureTensor
 from fibrous.materials.neo_hookean import NeoHookean
+from fibrous.materials.registry import law_called
 from fibrous.materials.timed import Timed
 from fibrous.networks.banded import Assembly
-from fibrous_study.config import schema_at
-from fibrous_study.words import FORMS, WITHOUT_CONSTANTS
 
 ELEMENTS = 4
 H_DIAGONAL = np.diag([0.6, 0.3, 0.1])
@@ -245,7 +243,7 @@ def test_sphere_has_the_structure_tensor_and_the_volume_fraction_asked_for():
 
 
 def test_mixture_passes_states_and_returns_new_ones():
-    class Counting:
+    class Counting(Material):
         def __call__(self, gradient, state=None, near=None):
             return *NeoHookean(0.025, 0.417)(gradient)[:2], state + (1.0 if near is None else 0.5 * near)
 
@@ -308,13 +306,47 @@ def test_a_law_is_known_by_its_name_and_no_other_law_stands_in_for_it():
     gradients = Load.parse("xy_biaxial").deformation_gradient(np.full((ELEMENTS, 1), 1.2))
     for name, law in {"structure_tensor": HGOStructureTensor(C2, C3, H), "families": FAMILIES}.items():
         np.testing.assert_array_equal(
-            law_called(name).of_structure_tensor(H, C2, C3)(gradients)[0], law(gradients)[0], strict=True
+            law_called(name).material.of_structure_tensor(H, C2, C3)(gradients)[0], law(gradients)[0], strict=True
         )
     with pytest.raises(MaterialError, match=r"^law 'gasser_dispersion' .* are structure_tensor, families$"):
         law_called("gasser_dispersion")
 
 
-def test_every_law_with_constants_may_be_asked_for_and_has_a_label():
-    model = schema_at(("tissue", "models", 0))["properties"]
-    assert set(model["energy"]["enum"]) == set(FORMS) == set(hgo.LAWS)
-    assert set(model["law"]["enum"]) == set(hgo.LAWS) | set(WITHOUT_CONSTANTS)
+def test_the_registry_names_classes_of_the_kinds_that_it_says():
+    for law in registry.LAWS.values():
+        assert issubclass(law.material, Material)
+        assert law.has_constants == issubclass(law.material, HGO)
+
+
+@each_law
+def test_stress_piola_and_tangent_are_those_of_one_call(name, gradients):
+    law = LAWS[name]
+    P, A, _ = law(gradients)
+    np.testing.assert_array_equal(law.piola(gradients), P)
+    np.testing.assert_array_equal(law.tangent(gradients), A)
+    expected = np.einsum("...iJ,...jJ->...ij", P, gradients) / np.linalg.det(gradients)[..., None, None]
+    np.testing.assert_allclose(law.stress(gradients), expected, atol=1e-14 * np.abs(P).max())
+
+
+def test_a_sum_of_sums_is_the_sum_of_all(gradients):
+    matrix, families = LAWS["matrix"], LAWS["families"]
+    total = matrix + (families + bundles())
+    assert len(total.parts) == 3
+    assert isinstance(total, Mixture)
+    np.testing.assert_array_equal(total(gradients)[0], LAWS["mixture"](gradients)[0])
+
+
+def test_every_repr_is_one_line():
+    for law in [*LAWS.values(), *LAWS["mixture"].parts]:
+        assert "\n" not in repr(law)
+        assert len(repr(law)) < 400
+
+
+def test_terms_are_the_energy_of_the_law(gradients):
+    """W = Σ w C2/2 (M : C − 1)² where C3 = 0 and compression counts, too."""
+    C = np.swapaxes(gradients, -1, -2) @ gradients
+    for law in (HGOFamilies, HGOStructureTensor):
+        made = law.of_structure_tensor(H, 0.3, 0.0, False)
+        weights, structures = made.terms
+        excess = np.einsum("ebpIJ,egIJ->egp", structures, C) - 1.0
+        np.testing.assert_allclose(made.energy(gradients), 0.15 * (weights * excess**2).sum(axis=-1), rtol=1e-12)

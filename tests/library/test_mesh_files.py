@@ -12,9 +12,9 @@ from tissues import distorted_box
 from fibrous.errors import FibrousError
 from fibrous.fe.mesh import MeshError
 from fibrous.io.meshes import DIRECTION, DISPLACEMENT, EIGENVALUES, TRANSVERSE, read_mesh, read_specimen
-from fibrous.specimen import FiberField, RigidMotion, Slab, synthetic_specimen
+from fibrous.specimen import Slab
 
-SPECIMEN = synthetic_specimen(Slab(counts=(3, 4, 2)), FiberField(), RigidMotion(), steps=3)
+SPECIMEN = Slab(elements=(3, 4, 2)).specimen(3)
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def saved_mesh(path, cells=None, points=SPECIMEN.mesh.node_position):
 def read(motion, fibers, paths):
     motion.to_csv(paths["motion"], index=False)
     fibers.to_csv(paths["fibers"], index=False)
-    return read_specimen(paths)
+    return read_specimen(**paths)
 
 
 def changed(table, row, column, value):
@@ -210,4 +210,4 @@ def test_a_table_that_is_missing_is_named(files):
     read(motion, fibers, paths)
     for name in ("motion", "fibers"):
         with pytest.raises(MeshError, match=r"gone\.csv: not a readable CSV file"):
-            read_specimen(paths | {name: "gone.csv"})
+            read_specimen(**paths | {name: "gone.csv"})

@@ -15,15 +15,14 @@ from fibrous.fe import assembly as fe_assembly
 from fibrous.fe.boundary import PrescribedDisplacement
 from fibrous.fe.mesh import box
 from fibrous.fe.solver import LoadStepError, LoadStepper
-from fibrous.materials.contract import MaterialError, join, select
-from fibrous.materials.mixture import Mixture
+from fibrous.materials.contract import MaterialError, Mixture, join, select
 from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.materials.network import FiberNetworks
 from fibrous.networks.banded import Assembly
 from fibrous.networks.engine import Engine
 from fibrous.networks.guard import EquilibriumSolver
 from fibrous.networks.network import Network
-from fibrous.specimen import FiberField, RigidMotion, Slab, synthetic_specimen
+from fibrous.specimen import Slab
 
 LAW, SCALE, STEPS = exponential(2.5), stress_scale(10.0, 0.1, 10.0), 10
 SIZE = {"fiber": LAW, "edge_um": 10.0}
@@ -353,7 +352,7 @@ def test_one_deformation_gradient_everywhere_is_the_network_alone():
 @pytest.fixture(scope="module")
 def specimen():
     """A small synthetic specimen with a network of its own in every element, and its equilibria in ten load steps."""
-    specimen = synthetic_specimen(Slab((3, 4, 1)), FiberField(), RigidMotion(), steps=10)
+    specimen = Slab((3, 4, 1)).specimen(10)
     networks = [small_network(k, np.linalg.eigvalsh(H)[::-1], 8.0) for k, H in enumerate(specimen.structure_tensor)]
     stepper = LoadStepper.of(specimen.mesh, tissue_of(networks), specimen.prescribed)
     return specimen, networks, stepper.follow(specimen.prescribed.values)

@@ -5,8 +5,8 @@ import pytest
 
 from fibrous.fe.mesh import MeshError
 from fibrous.fe.solver import LoadStepper
+from fibrous.materials.contract import Mixture
 from fibrous.materials.hgo import HGOFamilies
-from fibrous.materials.mixture import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.specimen import (
     FIXED,
@@ -17,7 +17,6 @@ from fibrous.specimen import (
     Slab,
     Specimen,
     smooth_field,
-    synthetic_specimen,
 )
 
 SLAB, FIBERS, MOTION = Slab(), FiberField(), RigidMotion()
@@ -25,13 +24,13 @@ SLAB, FIBERS, MOTION = Slab(), FiberField(), RigidMotion()
 
 @pytest.fixture(scope="module")
 def specimen() -> Specimen:
-    return synthetic_specimen(SLAB, FIBERS, MOTION, steps=20)
+    return SLAB.specimen(20, FIBERS, MOTION)
 
 
 @pytest.mark.parametrize("count", [5, 15, 60])
 def test_the_volume_is_that_of_a_bent_slab_of_straight_elements(count):
     # Bending about the middle surface keeps the volume; a straight element spans the sine of the angle of its arc.
-    slab = Slab(counts=(count, 4, 3), length_mm=9.0, height_mm=14.0, thickness_mm=2.5, radius_mm=7.0)
+    slab = Slab(elements=(count, 4, 3), length_mm=9.0, height_mm=14.0, thickness_mm=2.5, radius_mm=7.0)
     volumes = slab.mesh.integration[1]
     assert (volumes > 0.0).all()
     angle = slab.length_mm / slab.radius_mm / count
@@ -53,7 +52,7 @@ def test_nodes_lie_on_concentric_cylinders_and_entheses_at_the_ends(specimen):
 
 def test_fibers_lie_in_the_slab_and_turn_towards_the_lower_rows():
     still = FiberField(deviation_degrees=0.0, tilt_degrees=0.0)
-    specimen = synthetic_specimen(SLAB, still, MOTION, steps=1)
+    specimen = SLAB.specimen(1, still, MOTION)
     centers = specimen.mesh.node_position[specimen.mesh.element_nodes].mean(axis=1)
     outward = centers + np.array([0.0, 0.0, SLAB.radius_mm])
     outward[:, 1] = 0.0
@@ -107,14 +106,14 @@ def test_random_fields_have_the_moments_and_the_correlation_they_promise():
 
 
 def test_a_finer_mesh_has_the_same_fibers_at_the_same_places():
-    coarse, fine = (synthetic_specimen(Slab(counts=(n, n, n)), FIBERS, MOTION, 1) for n in (3, 9))
+    coarse, fine = (Slab(elements=(n, n, n)).specimen(1, FIBERS, MOTION) for n in (3, 9))
     middle = np.arange(9**3).reshape(9, 9, 9)[1::3, 1::3, 1::3].ravel()
     np.testing.assert_allclose(fine.structure_tensor[middle], coarse.structure_tensor, atol=1e-12)
 
 
 def test_a_seed_gives_one_specimen_and_another_seed_another(specimen):
-    again = synthetic_specimen(SLAB, FIBERS, MOTION, steps=20)
-    other = synthetic_specimen(SLAB, FiberField(seed=1), MOTION, steps=20)
+    again = SLAB.specimen(20, FIBERS, MOTION)
+    other = SLAB.specimen(20, FiberField(seed=1), MOTION)
     assert (again.structure_tensor == specimen.structure_tensor).all()
     assert np.abs(other.structure_tensor - specimen.structure_tensor).max() > 0.05
     assert specimen.origin == SYNTHETIC

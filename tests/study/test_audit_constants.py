@@ -5,29 +5,42 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_up_evidence import (
+    CONFIG,
     CONTRADICTED,
     LOADS,
     NOT,
     PARTLY,
+    PRINTED,
     REPRODUCED,
     SETS,
-    STATEMENTS,
-    THRESHOLDS,
     constants,
     curves,
+    evidence,
     fits,
-    verdict_of,
+    found,
+    value_of,
 )
 
 from fibrous.deformation import Load
 from fibrous.fitting.surface import evaluate
 from fibrous.networks.generation import alignment_targets
-from fibrous_study import printed
 from fibrous_study.audit import constants as of_constants
-from fibrous_study.audit import printed_table, trends
+from fibrous_study.audit import table_1
 
 FALLS, RISES, LEVEL = np.linspace(0.5, 0.1, 9), np.linspace(0.1, 0.5, 9), np.tile([0.2, 0.3, 0.2], 3)
 NONE = np.zeros(9)
+
+
+@pytest.fixture
+def trend(monkeypatch):
+    """The check of a trend, section 3.2's or 4.1's, on fits up to the networks' own λ_f and up to a common one."""
+
+    def judge(statement, own, common):
+        monkeypatch.setattr(of_constants, "own_fits", lambda _: own)
+        monkeypatch.setattr(of_constants, "common_fits", lambda _: common)
+        return found(statement, ensemble=curves())
+
+    return judge
 
 
 @pytest.mark.parametrize(
@@ -39,81 +52,98 @@ NONE = np.zeros(9)
         (LEVEL, FALLS, NOT, NOT),
     ],
 )
-def test_trends_of_the_constants(C2, C3, near_isotropy, growth):
-    found = fits(C2, C3)
-    assert verdict_of(trends.near_isotropy(found, found, THRESHOLDS)) is near_isotropy
-    assert verdict_of(trends.growth(found, found, THRESHOLDS)) is growth
+def test_trends_of_the_constants(trend, C2, C3, near_isotropy, growth):
+    made = fits(C2, C3)
+    assert trend("c2-trend", made, made).verdict is near_isotropy
+    assert trend("c2-trend-discussion", made, made).verdict is growth
 
 
-def test_a_trend_of_the_amplitude_is_none_of_the_constants():
+def test_a_trend_of_the_amplitude_is_none_of_the_constants(trend):
     """C3 that rises up to the networks' own λ_f alone, and is at its bound up to a common one."""
     own, common = fits(FALLS, RISES), fits(FALLS, NONE)
-    found = trends.near_isotropy(own, common, THRESHOLDS)
-    assert verdict_of(found) is PARTLY
-    assert "C3 rises with both load sets in the first case (+1.00 and +1.00; it is 0, its bound, in 0 %" in found.why
-    assert "with neither load set in the second (+0.00 and +0.00; 100 % and 100 %)" in found.why
-    assert verdict_of(trends.growth(common, own, THRESHOLDS)) is CONTRADICTED
+    finding = trend("c2-trend", own, common)
+    assert finding.verdict is PARTLY
+    for name in SETS:
+        for way, rises, rank, at_bound in (("own", 1, 1.0, 0.0), ("common", 0, 0.0, 1.0)):
+            assert value_of(finding, f"C3_rises_{way}", name) == rises
+            assert value_of(finding, f"rank_C3_{way}", name) == pytest.approx(rank)
+            assert value_of(finding, f"C3_at_bound_{way}", name) == at_bound
+    assert trend("c2-trend-discussion", common, own).verdict is CONTRADICTED
 
 
-def test_a_trend_over_the_ensemble_alone_is_none():
+def test_a_trend_over_the_ensemble_alone_is_none(trend):
     """Networks 1 and 5 themselves must follow it."""
     turned = fits(FALLS, RISES, (FALLS[-1], RISES[0], FALLS[0], RISES[-1]))
-    assert verdict_of(trends.near_isotropy(turned, turned, THRESHOLDS)) is PARTLY
+    assert trend("c2-trend", turned, turned).verdict is PARTLY
 
 
-def test_networks_aligned_across_the_loads_make_no_trend():
+def test_networks_aligned_across_the_loads_make_no_trend(trend):
     """Of H11 below 3/8 H22 is larger: with all of them C2 would rise."""
     made = constants(FALLS, RISES)
     steep = np.where(made.H11 < 0.375, -9.0, made.C2)
-    found = {name: replace(one, ensemble=replace(made, C2=steep)) for name, one in fits(FALLS, RISES).items()}
+    by_set = {name: replace(one, ensemble=replace(made, C2=steep)) for name, one in fits(FALLS, RISES).items()}
     assert made.H11.searchsorted(0.375) == 1
-    finding = trends.near_isotropy(found, found, THRESHOLDS)
-    assert verdict_of(finding) is REPRODUCED
-    assert "over the 8 of 9 networks" in finding.why
+    finding = trend("c2-trend", by_set, by_set)
+    assert finding.verdict is REPRODUCED
+    assert value_of(finding, "aligned") == 8
+
+
+def test_the_common_stretch_is_that_which_all_networks_reach():
+    """Fits up to it leave out what is beyond, and those up to the networks' own λ_f are the tables'."""
+    named = replace(curves(stretch=1.5), names=np.array(["first", "fifth"]))
+    large_fits = {name: replace(constants([1.0, 2.0], [3.0, 4.0]), names=named.names) for name in SETS}
+    of = evidence(
+        ensemble=curves(),
+        large=named,
+        large_fits=large_fits,
+        ensemble_large_fits=large_fits,
+        survey=("first", "", "", "", "fifth"),
+    )
+    common = of_constants.common_fits(of)["with_xz"]
+    assert common.ensemble.amplitude.max() <= named.averaged_stretch[:, 0, -1].min() * (1 + 1e-9)
+    assert pytest.approx([0.2], rel=1e-6) == common.fifth.C2
+    assert of_constants.own_fits(of)["with_yz"].fifth.C3.tolist() == [4.0]
+
+
+def of_table(statement, ours, coefficient, printed=None):
+    """The check of Table 1 on constants of an ensemble and coefficients of their surface."""
+    results = {"ensemble_large_fits": {"one": ours}, "surface_coefficients": {"C2": coefficient, "C3": coefficient}}
+    return found(statement, printed, **results)
 
 
 def test_no_reading_of_the_printed_moduli_is_one():
     H11, H22, H33 = np.einsum("nii->in", alignment_targets(np.arange(750), 2021, (0.33, 0.80), 0.05))
-    level = constants(np.full(750, 0.3), np.full(750, 0.3))
-    found_fits = {"one": replace(level, H11=H11, H22=H22, H33=H33)}
-    found = printed_table.table_1(STATEMENTS["table1-c2"], "C2", found_fits, {"one": np.zeros(9)}, THRESHOLDS)
-    assert verdict_of(found) is CONTRADICTED
-    assert "0 of 9 (one)" in found.here
-    assert (
-        "falls with alignment, as section 3.2 says, in none, and rises with alignment, as section 4.1 says, in 4."
-        in found.why
-    )
-    # Section 4.1's modulus that grows is what two relabellings and two turned signs say.
-    rising = found.here.split("readings that rise: ")[1]
-    for reading in ("(H22, H11)", "(H33, H11)", "(H11, H22) with the sign turned", "(H11, H33) with the sign turned"):
-        assert f"{reading} (negative at " in rising
+    ours = replace(constants(np.full(750, 0.3), np.full(750, 0.3)), H11=H11, H22=H22, H33=H33)
+    finding = of_table("table1-c2", ours, {"one": np.zeros(9)})
+    assert finding.verdict is CONTRADICTED
+    assert value_of(finding, "coefficients_inside", "one") == 0
+    # Section 4.1's modulus that grows is what two relabellings and two turned signs give.
+    assert [value_of(finding, f"readings_{way}") for way in ("falling", "rising")] == [0, 4]
     # Swapped indices, by hand: each coefficient times H22^i H11^j.
-    swapped = printed_table.readings(np.array(printed.C2_MPA), found_fits["one"])["(H22, H11)"]
+    swapped = table_1.readings(PRINTED["table1-c2"]["coefficient"], ours)["H22_H11"]
     powers = ((0, 0), (0, 1), (1, 0), (1, 1), (0, 2), (2, 0), (1, 2), (2, 1), (2, 2))
-    by_hand = sum(c * H22**i * H11**j for c, (i, j) in zip(printed.C2_MPA, powers, strict=True))
+    by_hand = sum(c * H22**i * H11**j for c, (i, j) in zip(PRINTED["table1-c2"]["coefficient"], powers, strict=True))
     np.testing.assert_allclose(swapped, by_hand, rtol=1e-12)
-    assert f"at {100 * np.mean(by_hand < 0):.0f} % with the indices swapped" in found.why
+    assert value_of(finding, "negative_H22_H11") == np.mean(by_hand < 0)
 
 
 def test_a_printed_surface_that_is_ours_is_reproduced():
     # C2 = 0.7 - 0.5 H11, in the order 00 01 10 11 02 20 12 21 22.
-    statement = replace(STATEMENTS["table1-c2"], value=(0.7, 0.0, -0.5, 0, 0, 0, 0, 0, 0))
+    falling = {"coefficient": [0.7, 0.0, -0.5, 0, 0, 0, 0, 0, 0]}
     ours = constants(0.7 - 0.5 * np.linspace(0.33, 0.80, 9), RISES)
     surface = {"one": np.array([0.7, 1.89, -0.5, 0.59, 0.0, 0.0, 0.0, 0.0, 0.0])}
-    for found_fits, verdict in ((ours, REPRODUCED), (constants(3.0 * ours.C2, RISES), PARTLY)):
-        found = printed_table.table_1(statement, "C2", {"one": found_fits}, surface, THRESHOLDS)
-        assert verdict_of(found) is verdict
-        assert "8 of 9 (one)" in found.here  # 0.59 is outside 0 ± 0.58, 1.89 at the end of 0 ± 1.89
-        assert "up to λ_f = 1.50" in found.here
-    turned = replace(statement, value=tuple(-one for one in statement.value))
-    found = printed_table.table_1(turned, "C2", {"one": ours}, surface, THRESHOLDS)
-    assert verdict_of(found) is PARTLY
-    assert "(H11, H22) with the sign turned" in found.here
-    rising = replace(STATEMENTS["table1-c3"], value=(0.1, 0.0, 0.5, 0, 0, 0, 0, 0, 0))
-    found_fits = constants(FALLS, evaluate(rising.value, ours.H11, ours.H22))
-    assert verdict_of(printed_table.table_1(rising, "C3", {"one": found_fits}, surface, THRESHOLDS)) is REPRODUCED
-    nothing = printed_table.table_1(rising, "C3", {"one": constants(FALLS, NONE)}, surface, THRESHOLDS)
-    assert verdict_of(nothing) is PARTLY
+    for made, verdict in ((ours, REPRODUCED), (constants(3.0 * ours.C2, RISES), PARTLY)):
+        finding = of_table("table1-c2", made, surface, falling)
+        assert finding.verdict is verdict
+        # 0.59 is outside 0 ± 0.58, 1.89 at the end of 0 ± 1.89
+        assert value_of(finding, "coefficients_inside", "one") == 8
+    turned = of_table("table1-c2", ours, surface, {"coefficient": [-one for one in falling["coefficient"]]})
+    assert turned.verdict is PARTLY
+    assert value_of(turned, "negative_H11_H22_turned") == 0.0
+    rising = {"coefficient": [0.1, 0.0, 0.5, 0, 0, 0, 0, 0, 0]}
+    made = constants(FALLS, evaluate(rising["coefficient"], ours.H11, ours.H22))
+    assert of_table("table1-c3", made, surface, rising).verdict is REPRODUCED
+    assert of_table("table1-c3", constants(FALLS, NONE), surface, rising).verdict is PARTLY
 
 
 @pytest.mark.parametrize(
@@ -127,26 +157,40 @@ def test_a_printed_surface_that_is_ours_is_reproduced():
 )
 def test_r_squared_of_the_surfaces(ours, verdict):
     ensemble, named = constants(FALLS, RISES), constants([0.1, 0.3, 0.2, 0.4], [0.3, 0.3, 0.4, 0.4], names="aabb")
-    found = printed_table.surface_r_squared(
-        STATEMENTS["surface-r2"], ours, dict.fromkeys(ours, ensemble), dict.fromkeys(ours, named), THRESHOLDS
+    finding = found(
+        "surface-r2",
+        surface_r_squared={name: {"C2": one, "C3": other} for name, (one, other) in ours.items()},
+        ensemble_large_fits=dict.fromkeys(ours, ensemble),
+        large_fits=dict.fromkeys(ours, named),
     )
-    assert verdict_of(found) is verdict
+    assert finding.verdict is verdict
     # Var of 0.1, 0.3 is 0.02; of nine numbers 0.05 apart it is 60 · 0.05²/8.
-    assert f"{2 / (60 * 0.05**2 / 8):.0f} % and 0 % with a, whose surfaces leave" in found.why
+    assert value_of(finding, "C2_scatter", "a") == pytest.approx(0.02 / (60 * 0.05**2 / 8))
+    assert value_of(finding, "C3_scatter", "a") == 0.0
+
+
+def of_amplitude(small, large, pair=None):
+    """The check of constants at two ranges, those of the case study and of the ensemble being the same."""
+    by_set = [{"with_xz": one} for one in (small, large)]
+    results = {
+        "case_name": "",
+        "survey": ("",),
+        "small": pair or replace(curves(stretch=1.1), names=np.array([""] * 2)),
+    }
+    names = "small_fits", "large_fits", "ensemble_small_fits", "ensemble_large_fits"
+    return found("constants-of-alignment-alone", **results, **dict(zip(names, by_set * 2, strict=True)))
 
 
 def test_constants_belong_to_their_amplitude():
     small, large, nonlinear = constants(2.0 * FALLS, RISES), constants(FALLS, RISES), constants(FALLS, 2.0 * RISES)
-    pair = curves(stretch=1.1), curves(stretch=1.1)
     for first, verdict in ((large, REPRODUCED), (small, NOT), (nonlinear, NOT)):
-        found = of_constants.amplitude((first, large), (first, large), pair, THRESHOLDS)
-        assert verdict_of(found) is verdict
-        assert ("they belong to the range" in found.why) == (verdict is NOT)
+        assert of_amplitude(first, large).verdict is verdict
+    assert value_of(of_amplitude(small, large), "median_C2_ratio") == pytest.approx(2.0)
 
 
 def test_the_exponent_of_the_energy_at_small_strain():
-    """That of Eq. 2 is 2, and a law that is linear in λ_f − 1 has 1."""
-    made = curves(stretch=1.02)
+    """That of Eq. 2 is 2, and a law that is linear in λ_f - 1 has 1."""
+    made = replace(curves(stretch=1.02), names=np.array([""] * 2))
     np.testing.assert_allclose(of_constants.starting_exponents(made), 2.0, atol=0.05)
     linear = replace(made, strain_energy_density=0.3 * (made.averaged_stretch - 1.0))
     np.testing.assert_allclose(of_constants.starting_exponents(linear), 1.0, rtol=1e-9)
@@ -155,47 +199,45 @@ def test_the_exponent_of_the_energy_at_small_strain():
         made, strain_energy_density=np.where(shear, linear.strain_energy_density, made.strain_energy_density)
     )
     fit = constants(FALLS, RISES)
-    why = of_constants.amplitude((fit, fit), (fit, fit), (mixed, made), THRESHOLDS).why
-    assert "and here 1 to 1 under shear and 2" in why
-    unlike = replace(mixed, loads=("mine", *LOADS[1:]))  # a load with its own gradient is no shear
-    assert of_constants.amplitude((fit, fit), (fit, fit), (unlike, made), THRESHOLDS).why == why
+    for one in (mixed, replace(mixed, loads=("mine", *LOADS[1:]))):  # a load with its own gradient is no shear
+        finding = of_amplitude(fit, fit, one)
+        assert value_of(finding, "exponent_shear_largest") == pytest.approx(1.0)
+        assert value_of(finding, "exponent_others_least") == pytest.approx(2.0, abs=0.05)
+
+
+def of_pair(with_xz, with_yz, every, small=None, large=None):
+    """The check of the two load sets, whose constants are those of the case study and of the ensemble."""
+    both = {"with_xz": with_xz, "with_yz": with_yz}
+    pair = [replace(one or curves(), names=np.array([""] * 2)) for one in (small, large)]
+    results = {"case_name": "", "small": pair[0], "large": pair[1], "ensemble": every}
+    return found("shear-pair", large_fits=both, ensemble_large_fits=both, **results)
 
 
 def test_the_pair_of_shears_matters_where_constants_or_quality_of_the_fits_differ():
-    one = constants(FALLS, RISES)
+    made = constants(FALLS, RISES)
     every = curves().of(np.zeros(9, dtype=int))
     for other, verdict in (
-        (one, REPRODUCED),
+        (made, REPRODUCED),
         (constants(2.0 * FALLS, RISES), CONTRADICTED),
         (constants(FALLS, 2.0 * RISES), CONTRADICTED),
         (constants(FALLS, RISES, 0.5), CONTRADICTED),
     ):
-        both = {"with_xz": one, "with_yz": other}
-        found = of_constants.shear_pair(both, both, (curves(), curves(), every), SETS, THRESHOLDS)
-        assert verdict_of(found) is verdict
+        assert of_pair(made, other, every).verdict is verdict
 
 
-EVERY = curves().of(np.zeros(20, dtype=int))
 LOW, AROUND = np.full(20, 0.5), np.tile([2.0, 3.0], 10)
 
 
-@pytest.mark.parametrize(
-    ("with_xz", "with_yz", "used"),
-    [
-        (LOW, AROUND, "with with_yz alone (0.5 to 0.5 with with_xz and 2 to 3 with with_yz"),
-        (AROUND, LOW, "the paper seems to have used with_xz."),
-        (LOW, LOW, "with neither (0.5 to 0.5"),
-    ],
-)
-def test_which_pair_of_shears_the_paper_used(with_xz, with_yz, used):
+@pytest.mark.parametrize(("with_xz", "with_yz", "reached"), [(LOW, AROUND, [0, 1]), (AROUND, LOW, [1, 0])])
+def test_which_pair_of_shears_the_paper_used(with_xz, with_yz, reached):
     """The printed C3 of network 5 is 2.51; curves approach each other with xz-shear alone."""
-    both = {"with_xz": constants(np.ones(20), with_xz), "with_yz": constants(np.ones(20), with_yz)}
+    every = curves().of(np.zeros(20, dtype=int))
+    cut = replace(every, amplitude_limited=np.tile([load == "yz_shear" for load in LOADS], (20, 1)))
     pair = curves({"xy_shear": 3.0}, 1.1), curves({"xy_shear": 1.5, "yz_shear": 9.0})
-    cut = replace(EVERY, amplitude_limited=np.tile([load == "yz_shear" for load in LOADS], (20, 1)))
-    found = of_constants.shear_pair(both, both, (*pair, cut), SETS, THRESHOLDS)
-    assert verdict_of(found) is (REPRODUCED if with_xz is with_yz else CONTRADICTED)
-    assert "as in Fig. 5 come out with with_xz alone" in found.why
-    assert "range of our 4 networks nearest to it" in found.why
-    assert "in 0 and 4 of them" in found.why
-    assert used in found.why
-    assert ("used both, one for each" in found.why) == (with_xz is LOW and with_yz is AROUND)
+    finding = of_pair(constants(np.ones(20), with_xz), constants(np.ones(20), with_yz), cut, *pair)
+    assert finding.verdict is CONTRADICTED
+    assert value_of(finding, "nearest") == 4
+    table, at = CONFIG["paper"]["table_1"], CONFIG["paper"]["alignments"]["network_5"]
+    assert value_of(finding, "C3_printed") == pytest.approx(float(evaluate(table["C3"], *at)))
+    for name, values in (("approach", [1, 0]), ("reached", reached), ("cut", [0, 4])):
+        assert [value_of(finding, name, load_set) for load_set in SETS] == values

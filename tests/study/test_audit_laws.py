@@ -6,41 +6,41 @@ import numpy as np
 import pytest
 from made_up_evidence import (
     CASE,
+    CONFIG,
     CONTRADICTED,
     NOT,
     PARTLY,
     REPRODUCED,
-    STATEMENTS,
-    THRESHOLDS,
     UNKNOWN,
     constants,
     curves,
+    evidence,
+    found,
+    value_of,
     verdict_of,
 )
 
 from fibrous.comparison import Fields
-from fibrous.material_point import along_path
 from fibrous.materials.hgo import HGOFamilies, HGOStructureTensor
 from fibrous.specimen import SYNTHETIC
-from fibrous_study.audit import costs, laws, tissue
-from fibrous_study.audit.costs import Costs
-from fibrous_study.audit.tissue import Tissue
+from fibrous_study.audit import laws
+from fibrous_study.audit.evidence import Costs, Tissue
 
 # Laws under Eq. 9 --------------------------------------------------------------------------------------------------
 
 
 def along_eq_9(law, C2: float, C3: float, tensor=CASE):
     """Two networks that answer as a law does."""
-    end = np.reshape(STATEMENTS["eq9-isochoric"].value, (3, 3))
+    end = np.array(CONFIG["paper"]["eq_9"])
     gradient = np.eye(3) + np.linspace(0.0, 1.0, 21)[:, None, None] * (end - np.eye(3))
-    response = along_path(law(tensor, C2, C3), gradient)
+    material = law(tensor, C2, C3)
     return replace(
         curves().under(("x_uniaxial",)),
         loads=("eq9",),
         structure_tensor=np.broadcast_to(tensor, (2, 3, 3)),
         deformation_gradient=np.tile(gradient, (2, 1, 1, 1, 1)),
-        strain_energy_density=np.tile(response.strain_energy_density, (2, 1, 1)),
-        cauchy_stress=np.tile(response.cauchy_stress, (2, 1, 1, 1, 1)),
+        strain_energy_density=np.tile(material.energy(gradient), (2, 1, 1)),
+        cauchy_stress=np.tile(material.stress(gradient), (2, 1, 1, 1, 1)),
     )
 
 
@@ -52,11 +52,14 @@ def with_constants(C2: float, C3: float):
     return constants(np.full(2, C2), np.full(2, C3))
 
 
+def errors(path, initial, refit, tension_only: bool = True):
+    return laws.errors(evidence(path=path, initial=initial, refit=refit, tension_only=tension_only))
+
+
 def test_errors_of_a_law_that_is_the_network():
     path = along_eq_9(eq_2, 0.2, 0.5)
-    both = {laws.INITIAL: with_constants(0.1, 0.5), laws.REFIT: with_constants(0.2, 0.5)}
-    found = laws.errors(path, both, tension_only=True)
-    half, whole = found["Eq. 2", laws.INITIAL], found["Eq. 2", laws.REFIT]
+    of_law = errors(path, with_constants(0.1, 0.5), with_constants(0.2, 0.5))
+    half, whole = of_law["eq_2", laws.INITIAL], of_law["eq_2", laws.REFIT]
     for name in ("end_ratio", "along_x", "others", "whole", "energy_ratio"):
         np.testing.assert_allclose(getattr(half, name), 0.5, rtol=1e-12)
     np.testing.assert_allclose([half.shape, whole.whole, whole.along_x, whole.others], 0.0, atol=1e-12)
@@ -66,45 +69,50 @@ def test_shape_is_that_of_the_curve_alone():
     """A component that is wrong by a factor is no other shape; one that bends is."""
     path = along_eq_9(eq_2, 0.2, 0.0)
     path.cauchy_stress[..., 1, 1] *= 5.0
-    found = laws.errors(path, {laws.INITIAL: with_constants(0.2, 0.0)}, tension_only=True)["Eq. 2", laws.INITIAL]
-    np.testing.assert_allclose(found.shape, 0.0, atol=1e-12)
-    assert found.others.min() > 0.5
-    found = laws.errors(path, {laws.INITIAL: with_constants(0.2, 5.0)}, tension_only=True)["Eq. 2", laws.INITIAL]
-    stress = along_path(eq_2(CASE, 0.2, 5.0), path.deformation_gradient[0, 0, 1:]).cauchy_stress[:, 0, 0]
+    of_law = errors(path, with_constants(0.2, 0.0), with_constants(0.2, 5.0))
+    same, bent = of_law["eq_2", laws.INITIAL], of_law["eq_2", laws.REFIT]
+    np.testing.assert_allclose(same.shape, 0.0, atol=1e-12)
+    assert same.others.min() > 0.5
+    stress = eq_2(CASE, 0.2, 5.0).stress(path.deformation_gradient[0, 0, 1:])[:, 0, 0]
     network = path.cauchy_stress[0, 0, 1:, 0, 0]
     # What is left is the part of the network's curve across the law's.
     angle = np.arccos(stress @ network / np.linalg.norm(stress) / np.linalg.norm(network))
-    np.testing.assert_allclose(found.shape, np.sin(angle), rtol=1e-9)
+    np.testing.assert_allclose(bent.shape, np.sin(angle), rtol=1e-9)
 
 
 def test_an_unknown_state_is_left_out():
     path = along_eq_9(eq_2, 0.2, 0.5)
     path.strain_energy_density[:, :, 7] = np.nan
     path.cauchy_stress[:, :, 7] = np.nan
-    found = laws.errors(path, {laws.REFIT: with_constants(0.2, 0.5)}, tension_only=True)["Eq. 2", laws.REFIT]
-    np.testing.assert_allclose(found.whole, 0.0, atol=1e-12)
+    same = with_constants(0.2, 0.5)
+    np.testing.assert_allclose(errors(path, same, same)["eq_2", laws.REFIT].whole, 0.0, atol=1e-12)
 
 
 def test_laws_carry_compression_where_they_are_asked_to():
     path = along_eq_9(lambda *values: HGOFamilies.of_structure_tensor(*values, tension_only=False), 0.2, 0.5)
-    for tension_only, words in ((True, "in tension alone, as in FEBio"), (False, "as printed, in compression, too")):
-        both = dict.fromkeys((laws.INITIAL, laws.REFIT), with_constants(0.2, 0.5))
-        found = laws.errors(path, both, tension_only)
-        assert (found["Eq. 10C", laws.REFIT].whole.max() < 1e-12) != tension_only
-        for judge in (laws.initial_fit, laws.refit, laws.mixture):
-            assert f"Eq. 10C ({words})" in judge(found, tension_only, THRESHOLDS).why
+    same = with_constants(0.2, 0.5)
+    for tension_only in (True, False):
+        whole = errors(path, same, same, tension_only)["eq_10c", laws.REFIT].whole
+        assert (whole.max() < 1e-12) != tension_only
 
 
-def made_up_errors(**values: float):
-    """The same errors of both laws, initial and refit; `refit_…` changes those after the refit."""
-    base = {"end_ratio": 1.2, "shape": 0.2, "along_x": 0.4, "others": 0.4, "whole": 0.4, "energy_ratio": 1.0}
-    initial = base | {name: value for name, value in values.items() if name in base}
-    refit = base | {name.removeprefix("refit_"): value for name, value in values.items() if name not in base}
-    made = {
-        kind: laws.Errors(**{name: np.full(3, value) for name, value in one.items()})
-        for kind, one in ((laws.INITIAL, initial), (laws.REFIT, refit))
-    }
-    return {(law, kind): made[kind] for law in laws.LAWS for kind in made}
+@pytest.fixture
+def with_errors(monkeypatch):
+    """The check of a statement where both laws have the same errors; `refit_…` changes those after the refit."""
+
+    def judge(statement: str, **values: float):
+        base = {"end_ratio": 1.2, "shape": 0.2, "along_x": 0.4, "others": 0.4, "whole": 0.4, "energy_ratio": 1.0}
+        initial = base | {name: value for name, value in values.items() if name in base}
+        refit = base | {name.removeprefix("refit_"): value for name, value in values.items() if name not in base}
+        made = {
+            (law, kind): laws.Errors(**{name: np.full(3, value) for name, value in one.items()})
+            for kind, one in ((laws.INITIAL, initial), (laws.REFIT, refit))
+            for law in laws.LAWS
+        }
+        monkeypatch.setattr(laws, "errors", lambda _: made)
+        return found(statement)
+
+    return judge
 
 
 @pytest.mark.parametrize(
@@ -116,8 +124,10 @@ def made_up_errors(**values: float):
         ({"end_ratio": 0.5, "shape": 0.01}, NOT),
     ],
 )
-def test_the_initial_fit(values, verdict):
-    assert verdict_of(laws.initial_fit(made_up_errors(**values), True, THRESHOLDS)) is verdict
+def test_the_initial_fit(with_errors, values, verdict):
+    finding = with_errors("initial-fit-under-eq9", **values)
+    assert finding.verdict is verdict
+    assert value_of(finding, "eq_10c_end_ratio") == values.get("end_ratio", 1.2)
 
 
 @pytest.mark.parametrize(
@@ -131,20 +141,24 @@ def test_the_initial_fit(values, verdict):
         ({"shape": 0.02, "refit_shape": 0.001}, NOT),  # no other shape to correct
     ],
 )
-def test_the_refit(values, verdict):
-    assert verdict_of(laws.refit(made_up_errors(**values), True, THRESHOLDS)) is verdict
+def test_the_refit(with_errors, values, verdict):
+    finding = with_errors("refit-under-eq9", **values)
+    assert finding.verdict is verdict
+    assert value_of(finding, "eq_2_shape_after") == values.get("refit_shape", 0.2)
 
 
 def test_constants_of_one_law_run_in_the_other():
-    path = along_eq_9(eq_2, 0.2, 0.5)
-    both = dict.fromkeys((laws.INITIAL, laws.REFIT), with_constants(0.2, 0.5))
-    found = laws.errors(path, both, tension_only=True)
-    assert (found["Eq. 10C", laws.REFIT].energy_ratio > 1.5).all()  # Jensen
-    assert verdict_of(laws.mixture(found, True, THRESHOLDS)) is CONTRADICTED
-    same = {(law, kind): found["Eq. 2", kind] for law, kind in found}
-    assert verdict_of(laws.mixture(same, True, THRESHOLDS)) is REPRODUCED
-    families = laws.errors(along_eq_9(HGOFamilies.of_structure_tensor, 0.2, 0.5), both, tension_only=True)
-    np.testing.assert_allclose(families["Eq. 10C", laws.REFIT].whole, 0.0, atol=1e-12)
+    path, same = along_eq_9(eq_2, 0.2, 0.5), with_constants(0.2, 0.5)
+    finding = found("eq2-run-as-eq10c", path=path, initial=same, refit=same)
+    assert finding.verdict is CONTRADICTED
+    assert value_of(finding, "W_ratio") > 1.5  # Jensen
+    assert value_of(finding, "eq_2_energy_ratio") == pytest.approx(1.0, rel=1e-12)
+    of_families = errors(along_eq_9(HGOFamilies.of_structure_tensor, 0.2, 0.5), same, same)
+    np.testing.assert_allclose(of_families["eq_10c", laws.REFIT].whole, 0.0, atol=1e-12)
+
+
+def test_laws_that_store_the_same_energy_are_as_good_as_one(with_errors):
+    assert with_errors("eq2-run-as-eq10c").verdict is REPRODUCED
 
 
 def test_the_fibres_of_febio_are_eq_2_about_one_axis():
@@ -169,11 +183,11 @@ def test_the_fibres_of_febio_are_eq_2_about_one_axis():
     ],
 )
 def test_febio_has_the_law_where_its_own_is_near_eq_2(tensor, C3, verdict):
-    path = along_eq_9(eq_2, 0.2, C3, tensor)
-    found = laws.hgo_in_febio(path, with_constants(0.2, C3), True, THRESHOLDS)
-    assert verdict_of(found) is verdict
+    path, same = along_eq_9(eq_2, 0.2, C3, tensor), with_constants(0.2, C3)
+    finding = found("febio-hgo", path=path, refit=same)
+    assert finding.verdict is verdict
     if tensor[1, 1] == tensor[2, 2]:
-        assert found.here.startswith("W of FEBio's law 1 times that of Eq. 2")
+        assert value_of(finding, "febio_W_ratio") == pytest.approx(1.0, rel=1e-12)
 
 
 # The tissue and its costs ------------------------------------------------------------------------------------------
@@ -194,11 +208,10 @@ def made_up_tissue(initial=(1.0, 1.0), refit=(1.0, 1.0), turned: bool = False) -
 
 
 def test_peaks():
-    found = tissue.peaks(made_up_tissue(), THRESHOLDS)
-    assert verdict_of(found) is REPRODUCED
-    assert "initial: 100 % (4 of 4) of the peaks of stress" in found.here
-    assert "(4 of 40)" in found.why
-    assert verdict_of(tissue.peaks(made_up_tissue(turned=True), THRESHOLDS)) is NOT
+    finding = found("hgo-locates-peaks", tissue=made_up_tissue())
+    assert finding.verdict is REPRODUCED
+    assert [value_of(finding, name) for name in ("initial_stress", "peaks", "elements", "chance")] == [1, 4, 40, 0.1]
+    assert verdict_of("hgo-locates-peaks", tissue=made_up_tissue(turned=True)) is NOT
 
 
 @pytest.mark.parametrize(
@@ -206,7 +219,10 @@ def test_peaks():
     [((0.8, 1.2), REPRODUCED), ((1.2, 1.2), PARTLY), ((1.2, 0.8), NOT), ((0.99, 1.01), NOT), ((0.8, 1.01), PARTLY)],
 )
 def test_bias_at_the_peaks(initial, verdict):
-    assert verdict_of(tissue.bias(made_up_tissue(initial), THRESHOLDS)) is verdict
+    finding = found("hgo-initial-bias", tissue=made_up_tissue(initial))
+    assert finding.verdict is verdict
+    ratios = [value_of(finding, f"{name}_ratio") for name in ("stress", "strain", "largest")]
+    assert ratios == pytest.approx([*initial, initial[0]])
 
 
 @pytest.mark.parametrize(
@@ -214,21 +230,23 @@ def test_bias_at_the_peaks(initial, verdict):
     [((1.1, 1.3), REPRODUCED), ((1.1, 1.1), PARTLY), ((1.3, 1.1), NOT), ((1.199, 1.201), NOT)],
 )
 def test_the_direction_of_the_refit(refit, verdict):
-    assert verdict_of(tissue.refit_direction(made_up_tissue((1.2, 1.2), refit), THRESHOLDS)) is verdict
+    finding = found("refit-direction", tissue=made_up_tissue((1.2, 1.2), refit))
+    assert finding.verdict is verdict
+    assert value_of(finding, "stress_ratio") == pytest.approx((refit[0] - 1.0) / 0.2)
 
 
-def test_what_only_their_specimen_could_tell_says_so():
+def test_what_only_their_specimen_could_tell():
     stretched = replace(made_up_tissue(), gradient=np.linspace(1.0, 1.1, 40)[:, None, None, None] * np.eye(3))
-    of_stretch = tissue.most_stretched(STATEMENTS["eq9-isochoric"], stretched)
-    for found in (tissue.rms(made_up_tissue((1.1, 1.0)), refitted=False), of_stretch):
-        assert verdict_of(found) is UNKNOWN
-        assert "This is one specimen (made up, 40 elements)" in found.why
-    assert "J runs from 1 to 1.33" in of_stretch.why  # 1.1³
-    synthetic = tissue.rms(replace(stretched, origin=SYNTHETIC), refitted=True)
-    assert "one specimen of one seed (synthetic specimen, 40 elements)" in synthetic.why
-    assert tissue.rms(made_up_tissue((1.1, 1.0)), refitted=False).here == (
-        f"{0.1 * np.sqrt((RAMP**2).mean()):.3g} MPa, 0 %"
-    )
+    most = found("eq9-isochoric", tissue=stretched)
+    assert most.verdict is UNKNOWN
+    assert [value_of(most, name) for name in ("stretch", "J", "J_least")] == pytest.approx([1.1, 1.1**3, 1.0])
+    errors = found("rms-initial", tissue=made_up_tissue((1.1, 1.0)))
+    assert errors.verdict is UNKNOWN
+    assert value_of(errors, "stress_error") == pytest.approx(0.1 * np.sqrt((RAMP**2).mean()))
+    assert value_of(errors, "stress_relative") == pytest.approx(0.1)
+    assert value_of(errors, "strain_error") == 0.0
+    assert value_of(errors, "synthetic") == 0
+    assert value_of(found("rms-refit", tissue=replace(stretched, origin=SYNTHETIC)), "synthetic") == 1
 
 
 SPENT = Costs(
@@ -238,46 +256,33 @@ SPENT = Costs(
 )  # fmt: skip
 
 
-def timed(hours: float, spent: Costs = SPENT):
-    return costs.time(STATEMENTS["time-ensemble"], hours, spent.initial_words, spent, THRESHOLDS)
-
-
 @pytest.mark.parametrize(
     ("hours", "verdict"), [(0.7, REPRODUCED), (0.2, PARTLY), (5.0, PARTLY), (0.03, NOT), (50.0, NOT)]
 )
 def test_times(hours, verdict):
-    found = timed(hours)
-    assert verdict_of(found) is verdict
-    assert ("faster" if hours < 1.12 else "slower") in found.why
-    assert "900 networks under 5 loads of 20 steps" in found.here
+    finding = found("time-ensemble", costs=replace(SPENT, initial=hours))
+    assert finding.verdict is verdict
+    assert value_of(finding, "faster") == (hours < 1.12)
+    assert value_of(finding, "factor") == pytest.approx(max(hours / 1.12, 1.12 / hours))
     # A study with fewer networks is judged as if it had the paper's.
-    scaled = timed(hours / 9.0, replace(SPENT, networks=100))
-    assert verdict_of(scaled) is verdict
-    assert "scaled from 100 to the paper's 900 networks" in scaled.why
-    assert "scaled" not in found.why
-
-
-def test_long_times_read_well():
-    assert "1,010 times faster than printed" in timed(1.12 / 1013.0).why
+    scaled = found("time-ensemble", costs=replace(SPENT, initial=hours / 9.0, networks=100))
+    assert scaled.verdict is verdict
+    assert value_of(scaled, "factor") == pytest.approx(value_of(finding, "factor"))
 
 
 @pytest.mark.parametrize(("multiscale", "verdict"), [(2000.0, REPRODUCED), (20.0, PARTLY), (0.5, NOT)])
 def test_the_gain(multiscale, verdict):
-    spent = replace(SPENT, multiscale=multiscale)
-    found = costs.total(STATEMENTS["time-total"], spent, THRESHOLDS)
-    assert verdict_of(found) is verdict
-    assert "98 % of the hybrid's cost" in found.why  # 1.3 of 1.32
-
-
-def test_costs_per_state_are_those_of_networks_and_fits():
-    why = costs.total(STATEMENTS["time-total"], SPENT, THRESHOLDS).why
+    finding = found("time-total", costs=replace(SPENT, multiscale=multiscale))
+    assert finding.verdict is verdict
+    assert value_of(finding, "networks_of_hybrid") == pytest.approx(1.3 / 1.32)
     # 900 networks under 5 loads of 20 steps and along 20 more: 1.3 CPU-hours; 900 times 8 points and 20 steps: 5,000 s.
-    assert f"{1e3 * 1.3 * 3600.0 / (900 * 120):.3g} ms" in why
-    assert f"{1e3 * 5000.0 / (900 * 160):.3g} ms" in why
+    assert value_of(finding, "state") == pytest.approx(1e3 * 1.3 * 3600.0 / (900 * 120))
+    assert value_of(finding, "coupled_state") == pytest.approx(1e3 * 5000.0 / (900 * 160))
 
 
 @pytest.mark.parametrize(("seconds", "verdict"), [(4000.0, REPRODUCED), (40.0, PARTLY), (0.5, NOT)])
-def test_the_gain_a_gauss_point(seconds, verdict):
-    found = costs.per_gauss_point(replace(SPENT, networks_seconds=seconds))
-    assert verdict_of(found) is verdict
-    assert "differ by 50 times an evaluation" in found.why
+def test_the_gain_per_gauss_point(seconds, verdict):
+    finding = found("cost-estimate", costs=replace(SPENT, networks_seconds=seconds))
+    assert finding.verdict is verdict
+    assert value_of(finding, "times_law") == pytest.approx(seconds)
+    assert value_of(finding, "times_run") == pytest.approx(50.0)

@@ -126,7 +126,7 @@ def test_results_made_anew_from_older_inputs_are_seen(config, folder):
 
 def test_other_code_makes_stale_what_imports_it(config, made, tmp_path, monkeypatch):
     sources = shutil.copytree(provenance.SOURCES, tmp_path / "src")
-    with open(sources / "fibrous_study" / "steps" / "fits.py", "a") as stream:
+    with open(sources / "fibrous_study" / "steps" / "hgo_fits.py", "a") as stream:
         stream.write("# changed\n")
     provenance.code_hash.cache_clear()
     monkeypatch.setattr(provenance, "SOURCES", sources)

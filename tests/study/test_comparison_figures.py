@@ -8,7 +8,7 @@ import synthetic
 import synthetic_tissue
 from matplotlib.collections import PolyCollection
 
-from fibrous.fe.fields import green_lagrange_strain, maximum_shear
+from fibrous.deformation import green_lagrange_strain, maximum_shear
 from fibrous_study.datasets import read
 from fibrous_study.figures import deformed, figure_9
 from fibrous_study.figures import figure_comparison as comparison

@@ -9,7 +9,7 @@ from made_up_evidence import LOADS, curves
 from fibrous.curves import Curves
 from fibrous.deformation import averaged_stretch
 from fibrous.errors import DatasetError, FitError
-from fibrous.fitting.hgo import fit_constants
+from fibrous.fitting.hgo import fit_hgo
 from fibrous_study import datasets
 from fibrous_study.curve_datasets import read_curves, write_curves
 
@@ -77,10 +77,10 @@ def test_every_network_has_its_own_averaged_stretch(made):
 
 def test_constants_are_those_of_one_network(made):
     options = {"tension_only": True, "largest_C3": 50.0, "slope_fit_below_r_squared": 0.5}
-    fit = fit_constants(made.network(1), "structure_tensor", "energy", **options)
+    fit = fit_hgo(made.network(1), **options)
     assert pytest.approx((0.2, 0.5), rel=1e-6) == (fit.C2, fit.C3)
     with pytest.raises(FitError, match="2 networks"):
-        fit_constants(made, "structure_tensor", "energy", **options)
+        fit_hgo(made, **options)
 
 
 @pytest.mark.parametrize("name", ["numbers", "structure_tensor", "cauchy_stress", "amplitude_limited", "cuts"])

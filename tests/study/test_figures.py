@@ -27,6 +27,7 @@ from fibrous_study.datasets import read, write
 from fibrous_study.figures import figure_3, style
 from fibrous_study.figures.curves import curve_table, pooled_fits, stacked
 from fibrous_study.figures.projection import XY_VIEW, XZ_VIEW, Camera, draw_fibers, draw_outline, fit_view
+from fibrous_study.paper import section
 
 PROTOCOLS = list(synthetic.PROTOCOLS)
 FIGURE_6_NETWORKS = list(synthetic.NAMED)[1:]
@@ -60,7 +61,8 @@ def config_of(number):
     case = {"network": "case", "protocols": PROTOCOLS}
     survey = {"networks": FIGURE_6_NETWORKS, "protocol": "large"}
     load_sets = {"load_sets": synthetic.LOAD_SETS}
-    return {3: case, 5: {**case, **load_sets}, 6: {**survey, **load_sets}}.get(number, {})
+    paper = {"paper": section("figure_7")}
+    return {3: case, 5: {**case, **load_sets}, 6: {**survey, **load_sets}, 7: paper}.get(number, {})
 
 
 def run(number, study, folder):

@@ -11,17 +11,17 @@ from fibers import exponential, stress_scale
 from matplotlib.collections import LineCollection
 from reference import respond
 
+from fibrous.deformation import cauchy_stress
 from fibrous.errors import DatasetError
-from fibrous.fe.fields import cauchy_stress
 from fibrous.fe.solver import LoadStepper
-from fibrous.materials.mixture import Mixture
+from fibrous.materials.contract import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.materials.network import FiberNetworks
 from fibrous.microstructure import stress_difference
 from fibrous.networks.engine import Engine
 from fibrous.networks.guard import EquilibriumSolver, Limits
 from fibrous.networks.path import follow
-from fibrous.specimen import FiberField, RigidMotion, Slab, synthetic_specimen
+from fibrous.specimen import Slab
 from fibrous_study import datasets
 from fibrous_study.figures import figure_microstructure as figure
 from fibrous_study.steps import network_microstructure as stage
@@ -110,7 +110,7 @@ def test_the_difference_is_the_largest_of_any_component(found):
 def tissue(tmp_path_factory):
     """A coupled simulation of four elements, its files, and what the library found."""
     folder = tmp_path_factory.mktemp("microstructure")
-    specimen = synthetic_specimen(Slab(counts=(2, 2, 1)), FiberField(), RigidMotion(), 2)
+    specimen = Slab(elements=(2, 2, 1)).specimen(2)
     networks = FiberNetworks.of([NETWORKS[number] for number in ORDER])
     material = Mixture((NeoHookean(C1, LAME), networks))
     solution = LoadStepper.of(specimen.mesh, material, specimen.prescribed).follow(specimen.prescribed.values)
@@ -140,7 +140,7 @@ def write_tissue(path, specimen, solution):
     arrays = {
         "displacement": solution.displacement,
         "deformation_gradient": solution.deformation_gradient,
-        "cauchy_stress": cauchy_stress(solution.stress, solution.deformation_gradient),
+        "cauchy_stress": cauchy_stress(solution.piola, solution.deformation_gradient),
         "reaction_force": np.zeros((steps, 2, 3)),
         "newton_iterations": solution.newton_iterations,
         "cuts": solution.cuts,

@@ -20,12 +20,13 @@ from workflow_runs import job_line
 
 from fibrous.errors import ConfigError, ConvergenceError
 from fibrous.fe.solver import LoadStepper, Walk
-from fibrous.materials.mixture import Mixture
+from fibrous.materials.contract import Mixture
 from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.materials.network import FiberNetworks
 from fibrous.networks.guard import EquilibriumSolver
 from fibrous_study import datasets, provenance
 from fibrous_study.checkpoint import Checkpoint
+from fibrous_study.paper import section
 from fibrous_study.stages import Params, stage_params
 from fibrous_study.steps import table_2
 from fibrous_study.steps import tissue_coupled as multiscale
@@ -139,7 +140,7 @@ def stopped(study, tmp_path_factory):
     real = Walk.advance
 
     def once(walk):
-        if walk.record.step == 1:
+        if walk.step == 1:
             raise Stopped
         return real(walk)
 
@@ -263,13 +264,13 @@ def test_arrays_of_another_kind_are_refused(stopped, capsys, change):
     "change",
     [
         lambda notes: notes.clear(),
-        lambda notes: notes.update(record=[1, 2]),
-        lambda notes: notes["record"].update(step="many"),
-        lambda notes: notes["record"].update(step=9),
-        lambda notes: notes["record"].update(increment=float("inf")),
-        lambda notes: notes["record"].update(step=float("inf")),
-        lambda notes: notes["record"].update(used=None),
-        lambda notes: notes["record"].update(attempts=[[1, 2, 3]]),
+        lambda notes: notes.update(walk=[1, 2]),
+        lambda notes: notes["walk"].update(step="many"),
+        lambda notes: notes["walk"].update(step=9),
+        lambda notes: notes["walk"].update(increment=float("inf")),
+        lambda notes: notes["walk"].update(step=float("inf")),
+        lambda notes: notes["walk"].update(linear_solvers=None),
+        lambda notes: notes["walk"].update(attempts=[[1, 2, 3]]),
         lambda notes: notes.update(seconds={"a": "long"}),
     ],
 )
@@ -278,7 +279,7 @@ def test_notes_of_another_kind_leave_the_record_as_it_was(stopped, capsys, chang
     walk = Walk(
         LoadStepper.of(specimen.mesh, NeoHookean(0.025, 0.417), specimen.prescribed), specimen.prescribed.values
     )
-    kept = multiscale._Kept(walk.record, np.zeros((3, 3), dtype=np.int64), {}, 0.0)
+    kept = multiscale._Kept(walk, np.zeros((3, 3), dtype=np.int64), {}, 0.0)
     checkpoint = Checkpoint(stopped.folder / "results/tissue/other.nc", {"stage": "", "config": {}, "code_hash": ""})
     checkpoint.write(kept.arrays, kept.notes)
     checkpoint.path.write_bytes(edited(checkpoint.path.read_bytes(), lambda index: change(index["notes"])))
@@ -332,7 +333,7 @@ def test_a_run_that_fails_keeps_what_converged(other, monkeypatch):
     real = Walk.advance
 
     def fails(walk):
-        if walk.record.step == 1:
+        if walk.step == 1:
             monkeypatch.setattr(walk.stepper.assembly, "evaluate", never)
         return real(walk)
 
@@ -357,13 +358,13 @@ def test_a_walk_goes_on_from_a_record():
     for _ in range(4):
         begun.advance()
     on = Walk(second, specimen.prescribed.values)
-    for array, kept in zip(on.record.arrays, begun.record.arrays, strict=True):
+    for array, kept in zip(on.arrays, begun.arrays, strict=True):
         array[...] = kept
-    on.record.take(json.loads(json.dumps(begun.record.notes)))
+    on.take(json.loads(json.dumps(begun.notes)))
     while not on.is_over:
         on.advance()
     assert on.solution.displacement.tobytes() == whole.displacement.tobytes()
-    assert on.solution.stress.tobytes() == whole.stress.tobytes()
+    assert on.solution.piola.tobytes() == whole.piola.tobytes()
     assert on.solution.attempts == whole.attempts
 
 
@@ -379,6 +380,7 @@ def small_specimen_steps(steps: int):
 def test_table_2_sums_up_what_the_processes_counted(tmp_path):
     form = {"energy": "families", "objective": "stress"}
     config = {"reference": "multiscale", "model": form, "load_set": "set", "loads_used": 0.5}
+    config["paper"] = section("table_2")
     params = {"stage": "fibrous_study.steps.table_2", "config": config, "code_hash": ""}
 
     def written(name: str, seconds: float, **attributes) -> str:

@@ -1,7 +1,9 @@
 """What the README shows a user works as printed."""
 
 import json
+import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -12,9 +14,11 @@ from PIL import Image
 from test_workflow_tissue import OWN_TISSUE
 
 from fibrous_study.__main__ import refreshed
+from fibrous_study.audit.checks import CHECKS
 from fibrous_study.config import DEFAULT, validated
 
 ROOT = Path(__file__).parents[2]
+CONTRIBUTING = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
@@ -71,3 +75,24 @@ def test_the_configs_of_own_networks_and_tissue_are_yaml():
 def test_files_that_the_page_links_to_exist():
     for target in re.findall(r"\]\(([^)#]+)\)", README):
         assert (ROOT / target).exists(), target
+
+
+def test_a_claim_takes_two_files(tmp_path):
+    """The statement and the check that CONTRIBUTING shows, in a copy of the sources, judge and read as any other."""
+    diffs = re.findall(r"```diff\n\+\+\+ (\S+)\n(.*?)```", CONTRIBUTING, flags=re.DOTALL)
+    of_claim = [(path, diff) for path, diff in diffs if "end-of-the-large-range" in diff]
+    assert [path for path, _ in of_claim] == ["config/paper.yaml", "src/fibrous_study/audit/curves.py"]
+    for folder in ("src", "config", "workflow"):
+        shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
+    for path, diff in of_claim:
+        text = (tmp_path / path).read_text(encoding="utf-8")
+        (tmp_path / path).write_text(applied(text, diff), encoding="utf-8")
+    paths = os.pathsep.join(str(folder) for folder in (tmp_path / "src", ROOT / "tests"))
+    line = (
+        "from made_up_evidence import curves, found; from fibrous_study.audit.checks import CHECKS; "
+        "print(found('end-of-the-large-range', large=curves()).verdict, len(CHECKS))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", line], env=os.environ | {"PYTHONPATH": paths}, capture_output=True, text=True
+    )
+    assert done.stdout == f"reproduced {len(CHECKS) + 1}\n", done.stderr

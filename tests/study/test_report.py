@@ -4,6 +4,7 @@ import base64
 import io
 import json
 import subprocess
+from collections import Counter
 from html.parser import HTMLParser
 from xml.etree import ElementTree
 
@@ -16,12 +17,14 @@ from small_study import NO_PARAMS
 from workflow_runs import quick_config, snakemake
 
 from fibrous_study import datasets
-from fibrous_study.audit.finding import Verdict
-from fibrous_study.audit.statements import CHECKS
-from fibrous_study.config import CAPTIONS, PROJECT, caption, loaded, statements
+from fibrous_study.audit.checks import CHECKS
+from fibrous_study.audit.verdict import Verdict
+from fibrous_study.audit.wording import worded
+from fibrous_study.config import CAPTIONS, PROJECT, caption, loaded
 from fibrous_study.jobs import jobs
+from fibrous_study.paper import section
 from fibrous_study.report.headline import headline
-from fibrous_study.report.outline import CONTRADICTIONS, SECTIONS, TARGETS, exhibits, told
+from fibrous_study.report.outline import SECTIONS, TARGETS, exhibits
 from fibrous_study.report.page import table_page
 from fibrous_study.report.readme import duration, filled
 from fibrous_study.report.tables import VIEWS, View, shown
@@ -98,13 +101,13 @@ def test_every_image_is_the_figure_of_its_name_and_can_be_decoded(quick, page):
 
 
 def test_the_page_tells_every_statement_with_its_verdict(quick, page):
-    claims = pd.read_csv(quick[0] / "results/claims.csv").fillna("")
-    assert set(claims["id"]) <= set(page.ids)
+    claims = worded(pd.read_csv(quick[0] / "results/claims.csv"), section("statements"))
+    assert {claim.id for claim in claims} <= set(page.ids)
     words = " ".join(page.words.split())
-    for row in claims.to_dict("records"):
-        for column in ("says", "here", "spread", "verdict", "why"):
-            assert " ".join(row[column].split()) in words
-    for verdict, count in claims["verdict"].value_counts().items():
+    for claim in claims:
+        for text in (claim.says, claim.here, claim.spread, claim.verdict, claim.why):
+            assert " ".join(text.split()) in words
+    for verdict, count in Counter(claim.verdict for claim in claims).items():
         assert f"{verdict}{count} of {len(claims)} statements" in words.replace("\n", "")
 
 
@@ -120,20 +123,21 @@ def test_the_page_says_where_its_numbers_come_from(quick, page):
     assert "differs from the default one in cube, delaunay, replicates, synthetic_specimen, tissue." in page.words
 
 
-def test_every_statement_of_the_paper_stands_in_one_place():
-    assert sorted(told()) == sorted(CHECKS)
-    assert sorted(told()) == sorted(entry["id"] for entry in statements())
+def test_every_statement_of_the_paper_stands_below_a_figure_or_table():
+    assert {entry["under"] for entry in section("statements")} <= {one.name for one in exhibits()}
 
 
 def test_every_contradiction_is_settled_by_statements_that_are_judged(quick, page):
-    settled = [id for one in CONTRADICTIONS for id in one.claims]
+    contradictions = section("contradictions")
+    settled = [id for one in contradictions for id in one["statements"]]
     assert len(set(settled)) == len(settled)
     assert set(settled) <= set(CHECKS)
-    verdicts = pd.read_csv(quick[0] / "results/claims.csv").set_index("id")["verdict"]
-    for one in CONTRADICTIONS:
-        assert one.topic in page.words
-        # What follows from a verdict is said where that is the verdict.
-        assert (one.settled in page.words) == (verdicts[one.claims[0]] == one.verdict)
+    verdicts = pd.read_csv(quick[0] / "results/claims.csv").groupby("claim")["verdict"].first()
+    for one in contradictions:
+        assert one["verdict"] in set(Verdict)
+        assert one["topic"] in page.words
+        # What follows from a verdict is written where that is the verdict.
+        assert (one["settled"] in page.words) == (verdicts[one["statements"][0]] == one["verdict"])
 
 
 def test_every_figure_and_table_of_the_study_has_its_place():
@@ -151,9 +155,9 @@ def test_snakemakes_own_report_shows_figures_and_tables(quick, tmp_path):
     done = snakemake(quick[0], f"--report={tmp_path / 'report.html'}")
     assert done.returncode == 0, done.stderr
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
-    for section in SECTIONS:
-        if any(one.stage for one in section.exhibits):
-            assert json.dumps(section.title) in text
+    for part in SECTIONS:
+        if any(one.stage for one in part.exhibits):
+            assert json.dumps(part.title) in text
     for one in exhibits():
         if one.stage:
             assert json.dumps(one.title) in text
@@ -280,7 +284,8 @@ def table_2(times: float) -> pd.DataFrame:
 
 
 def test_the_headline_says_what_the_tables_hold():
-    claims = pd.DataFrame({"verdict": [Verdict.REPRODUCED.value] * 2 + [Verdict.PARTLY.value]})
+    verdicts = [Verdict.REPRODUCED.value] * 2 + [Verdict.PARTLY.value] * 2  # the last statement has two quantities
+    claims = pd.DataFrame({"claim": list("abcc"), "verdict": verdicts})
     laws = [
         ("affine", None, None, 0, 0.05),
         ("families", "structure_tensor", "energy", 1, 1.25),

@@ -18,19 +18,20 @@ ROOTS = [SOURCES / "fibrous", SOURCES / "fibrous_study"]
 MODULES = {
     ".".join(path.relative_to(SOURCES).with_suffix("").parts): path for root in ROOTS for path in root.rglob("*.py")
 }
-TISSUE = ["fitting", "fe", "hybrid", "specimen", "material_point"]
+TISSUE = ["fitting", "fe", "hybrid", "specimen", "tissue"]
 # room of the library: what it must not import, itself or through others
 FORBIDDEN = {
     "deformation": ["networks", "materials", *TISSUE, "io"],
     "curves": ["networks", "materials", *TISSUE, "io"],
     "networks": ["materials", *TISSUE, "io"],
     "materials": [*TISSUE, "io"],
-    "fitting": ["networks", "fe", "hybrid", "specimen", "material_point", "io"],
-    "fe": ["networks", "fitting", "hybrid", "specimen", "material_point", "io"],
-    "specimen": ["networks", "fitting", "hybrid", "material_point", "io"],
+    "fitting": ["networks", "fe", "hybrid", "specimen", "tissue", "io"],
+    "fe": ["networks", "fitting", "hybrid", "specimen", "tissue", "io"],
+    "specimen": ["networks", "fitting", "hybrid", "tissue", "io"],
     "hybrid": ["specimen", "io"],
-    "material_point": ["networks", "fitting", "hybrid", "specimen", "io"],
-    "io": ["fitting", "hybrid"],
+    "comparison": ["networks", "fitting", "hybrid", "specimen", "tissue", "io"],
+    "tissue": ["networks", "fitting", "hybrid"],
+    "io": ["fitting", "hybrid", "tissue"],
 }
 # the same of the study
 STUDY = {

@@ -119,7 +119,7 @@ def test_faces_belong_to_their_elements():
         assert set(face) <= set(mesh.element_nodes[element])
 
 
-@pytest.mark.parametrize("mesh", [box((2, 3, 4)), Slab(counts=(2, 3, 4)).mesh], ids=["box", "bent slab"])
+@pytest.mark.parametrize("mesh", [box((2, 3, 4)), Slab(elements=(2, 3, 4)).mesh], ids=["box", "bent slab"])
 def test_a_body_is_sharp_along_its_twelve_edges(mesh):
     turned = mesh.node_position @ Rotation.from_euler("xyz", [20.0, 50.0, 70.0], degrees=True).as_matrix().T
     edges = Surface.of(mesh.element_nodes).sharp_edges(turned)

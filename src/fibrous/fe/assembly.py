@@ -37,7 +37,7 @@ class Point:
     force_scale : norm of the sum of their magnitudes, or that of a strain of 1e-4 where it is larger, N
     stiffness : derivative of the free components' forces in the free components, in rising order, N/mm
     coupling : their derivative in the prescribed components, in the order given, N/mm
-    stress : first Piola–Kirchhoff stress at the Gauss points, shape (elements, 8, 3, 3), MPa
+    piola : first Piola–Kirchhoff stress at the Gauss points, shape (elements, 8, 3, 3), MPa
     states : of the material, one a block
     """
 
@@ -46,7 +46,7 @@ class Point:
     force_scale: float
     stiffness: csr_array
     coupling: csr_array
-    stress: Array
+    piola: Array
     states: States
 
 
@@ -89,23 +89,23 @@ class Assembly:
         count = len(self.mesh.element_nodes)
         forces, stiffness, stresses = np.empty((count, 8, 3)), np.empty((count, 8, 72)), np.empty((count, 8, 3, 3))
         nears: States = (None,) * len(self._blocks) if near is None else near
-        found = []
-        for (block, material), own, start in zip(self._blocks, states, nears, strict=True):
+        new = []
+        for (block, material), before, start in zip(self._blocks, states, nears, strict=True):
             gradients = self._gradients[block]
             weighted = (gradients.reshape(-1, 8, 8, 3) * self._volumes[block, None, :, None]).reshape(-1, 8, 24)
-            stress, tangent, new = material(self._deformation_gradient(displacement, block), own, start)
+            stress, tangent, after = material(self._deformation_gradient(displacement, block), before, start)
             # f_ai = Σ_q,J V ∂N_a/∂X_J P_iJ and K_aibk = Σ_q,J V ∂N_a/∂X_J (Σ_L A_iJkL ∂N_b/∂X_L)
             np.matmul(weighted, stress.swapaxes(-1, -2).reshape(-1, 24, 3), out=forces[block])
             ordered = tangent.transpose(0, 1, 3, 2, 4, 5).reshape(-1, 8, 27, 3)
             right = gradients.reshape(-1, 8, 8, 3).transpose(0, 2, 3, 1)
             np.matmul(weighted, (ordered @ right).reshape(-1, 24, 72), out=stiffness[block])
             stresses[block] = stress
-            found.append(new)
+            new.append(after)
         internal_force = self._at_nodes(forces)
         free_stiffness, coupling = self._pattern.matrices(stiffness)
         strained = SMALLEST_STRAIN * self._length * float(np.linalg.norm(free_stiffness.diagonal()))
         scale = max(float(np.linalg.norm(self._at_nodes(np.abs(forces)))), strained)
-        return Point(displacement, internal_force, scale, free_stiffness, coupling, stresses, tuple(found))
+        return Point(displacement, internal_force, scale, free_stiffness, coupling, stresses, tuple(new))
 
     def deformation_gradient(self, displacement: Array) -> Array:
         """F at the Gauss points, shape (elements, 8, 3, 3), for a displacement of shape (nodes, 3), mm."""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from fibrous.clock import Clock
+from fibrous.deformation import cauchy_stress
 from fibrous.errors import ConvergenceError
 from fibrous.fe.assembly import Assembly, Point
 from fibrous.fe.boundary import PrescribedDisplacement
@@ -53,13 +54,13 @@ class Attempt:
     failure: str
 
 
-@dataclass(frozen=True)
-class Solution:
-    """Equilibria at the targets; the leading axis is the step.
+@dataclass(frozen=True, repr=False)
+class Equilibria:
+    """What was found at the targets; the leading axis is the step.
 
     displacement : shape (steps, nodes, 3), mm
     internal_force : shape (steps, nodes, 3), N; at prescribed components the reaction, elsewhere zero to tolerance
-    deformation_gradient, stress : F and the first Piola–Kirchhoff stress at the Gauss points, MPa, shape
+    deformation_gradient, piola : F and the first Piola–Kirchhoff stress at the Gauss points, MPa, shape
         (steps, elements, 8, 3, 3)
     newton_iterations, cuts : shape (steps,), all increments of a step together
     converged : shape (steps,); where it is false, the fields are NaN
@@ -71,13 +72,24 @@ class Solution:
     displacement: Array
     internal_force: Array
     deformation_gradient: Array
-    stress: Array
+    piola: Array
     newton_iterations: NDArray[np.int64]
     cuts: NDArray[np.int64]
     converged: NDArray[np.bool_]
     linear_solvers: Mapping[str, int]
     state: State
     attempts: tuple[Attempt, ...]
+
+    @property
+    def cauchy(self) -> Array:
+        """Cauchy stress at the Gauss points, shape (steps, elements, 8, 3, 3), MPa."""
+        with np.errstate(invalid="ignore"):  # steps that did not converge are NaN
+            return cauchy_stress(self.piola, self.deformation_gradient)
+
+    def __repr__(self) -> str:
+        steps, elements = self.piola.shape[:2]
+        effort = f"{self.newton_iterations.sum()} Newton iterations, {self.cuts.sum()} cutbacks"
+        return f"<{type(self).__name__}: {elements} elements, {self.converged.sum()} of {steps} steps, {effort}>"
 
 
 class LoadStepError(ConvergenceError):
@@ -87,7 +99,7 @@ class LoadStepError(ConvergenceError):
     reason : why it was given up, and what to do
     """
 
-    def __init__(self, step: int, reason: str, solution: Solution) -> None:
+    def __init__(self, step: int, reason: str, solution: Equilibria) -> None:
         super().__init__(f"step {step + 1}: {reason}")
         self.step, self.reason, self.solution = step, reason, solution
 
@@ -126,7 +138,7 @@ class LoadStepper:
         assembly = Assembly(mesh, material, prescribed.unknowns(mesh))
         return cls(assembly, linear_solver(solver), **limits)
 
-    def follow(self, targets: Array, start: Array | None = None, state: State = None) -> Solution:
+    def follow(self, targets: Array, start: Array | None = None, state: State = None) -> Equilibria:
         """Equilibria at prescribed values, shape (steps, prescribed), mm, in the order of the assembly.
 
         `start` is the displacement to begin from, shape (nodes, 3), mm, by default none, and `state` the material's
@@ -136,58 +148,6 @@ class LoadStepper:
         while not walk.is_over:
             walk.advance()
         return walk.solution
-
-    def attempt(
-        self,
-        here: Point,
-        target: Array,
-        before: Move,
-        used: Counter[str],
-        residuals: list[float],
-        watch: Callable[[], None],
-    ) -> tuple[Point, Move]:
-        """The equilibrium at prescribed values, shape (prescribed,), and the move of the tangent at `here` towards it.
-
-        `before` is the move that led to `here`. Appends to `residuals`, calling `watch` each time, and counts linear
-        solvers in `used`. Raises ConvergenceError where none is found.
-        """
-        assembly, free, prescribed = self.assembly, self.assembly.free, self.assembly.prescribed
-        displacement = here.displacement.copy()
-        components = displacement.reshape(-1)
-        change = target - components[prescribed]
-        components[prescribed] = target
-        right = -here.internal_force.reshape(-1)[free] - here.coupling @ change
-        move = Move(change, self._linear(here, right, used))
-        components[free] += move.response + move.bend(before)
-        near = None
-        for _ in range(self.largest_number_of_iterations):
-            point = assembly.evaluate(displacement.copy(), here.states, near)
-            near = point.states
-            right = -point.internal_force.reshape(-1)[free]
-            size = float(np.linalg.norm(right))
-            # Without a free component nothing is out of balance, however small the forces.
-            residuals.append(0.0 if size == 0.0 and np.isfinite(point.force_scale) else size / point.force_scale)
-            watch()
-            if residuals[-1] <= self.tolerance:
-                return point, move
-            if not np.isfinite(residuals[-1]):
-                raise ConvergenceError(assembly.what_is_not_finite(displacement))
-            if len(residuals) < self.largest_number_of_iterations:
-                components[free] += self._linear(point, right, used)
-        raise ConvergenceError(f"the residual is {residuals[-1]:.1e} after {len(residuals)} iterations")
-
-    def _linear(self, point: Point, right: Array, used: Counter[str]) -> Array:
-        size = float(np.linalg.norm(right))
-        if size == 0.0:
-            return np.zeros_like(right)
-        # Newton's method squares a small residual; a linear solution better than that would be wasted.
-        relative = size / point.force_scale
-        with self.clock.of("macroscopic solve"):
-            linear = self.solve(
-                point.stiffness, right, max(min(LOOSE, 0.1 * relative), 0.01 * self.tolerance / relative)
-            )
-        used[linear.solver] += 1
-        return linear.values
 
 
 @dataclass(frozen=True)
@@ -217,13 +177,19 @@ class Move:
 class Walk:
     """A walk along targets, one load step at a time.
 
-    Another walk of the same stepper and targets goes on from here when its record takes over the notes and the content
-    of the arrays of this one's.
+    Another walk of the same stepper and targets goes on from here when it takes over the `notes` and the content of the
+    `arrays` of this one.
 
     Parameters
     ----------
     stepper, targets, start, state : as of `LoadStepper.follow`
-    watch : called with the walk after every Newton iteration; `residuals` are those of the increment at hand
+    watch : called with the walk after every Newton iteration
+
+    Attributes
+    ----------
+    step : the next target; increment : part of a step to try next
+    here : the last equilibrium; before : the move that led there, none at all at the start
+    residuals : of the increment at hand
     """
 
     def __init__(
@@ -234,83 +200,75 @@ class Walk:
         state: State = None,
         watch: Callable[[Walk], None] | None = None,
     ) -> None:
-        self.stepper, self.targets = stepper, np.asarray(targets, dtype=float)
-        self._watch = (lambda: watch(self)) if watch is not None else (lambda: None)
+        self.stepper, self.targets, self._watch = stepper, np.asarray(targets, dtype=float), watch
+        self.step, self.increment = 0, 1.0
         self.residuals: list[float] = []
-        self.record = self._begun(start, state)
-
-    def _begun(self, start: Array | None, state: State) -> Record:
-        assembly = self.stepper.assembly
-        steps, nodes, elements = (
-            len(of) for of in (self.targets, assembly.mesh.node_position, assembly.mesh.element_nodes)
-        )
-        displacement, force = np.full((2, steps, nodes, 3), np.nan)
-        gradient, stress = np.full((2, steps, elements, 8, 3, 3), np.nan)
-        iterations, cuts = np.zeros((2, steps), dtype=np.int64)
+        self.attempts: list[Attempt] = []
+        self.linear_solvers: Counter[str] = Counter()
+        assembly = stepper.assembly
+        nodes, at_points = assembly.mesh.node_position.shape, (len(assembly.mesh.element_nodes), 8, 3, 3)
+        # By the names that they have in Equilibria, over all steps.
+        self._at_targets: dict[str, NDArray[Any]] = {
+            "displacement": np.full((len(targets), *nodes), np.nan),
+            "internal_force": np.full((len(targets), *nodes), np.nan),
+            "deformation_gradient": np.full((len(targets), *at_points), np.nan),
+            "piola": np.full((len(targets), *at_points), np.nan),
+            "newton_iterations": np.zeros(len(targets), dtype=np.int64),
+            "cuts": np.zeros(len(targets), dtype=np.int64),
+        }
         with _numerics():
-            origin = np.zeros((nodes, 3)) if start is None else np.asarray(start, dtype=float)
-            here = assembly.evaluate(origin, assembly.split(state))
-        still = Move(np.zeros(len(assembly.prescribed)), np.zeros(len(assembly.free)))
-        return Record(here, still, 1.0, 0, displacement, force, gradient, stress, iterations, cuts, Counter(), [])
+            origin = np.zeros(nodes) if start is None else np.asarray(start, dtype=float)
+            self.here = assembly.evaluate(origin, assembly.split(state))
+        self.before = Move(np.zeros(len(assembly.prescribed)), np.zeros(len(assembly.free)))
 
     @property
     def is_over(self) -> bool:
         """Whether all targets were reached."""
-        return self.record.step == len(self.targets)
+        return self.step == len(self.targets)
 
     @property
-    def solution(self) -> Solution:
+    def solution(self) -> Equilibria:
         """The equilibria so far."""
-        record = self.record
-        return Solution(
-            record.displacement,
-            record.force,
-            record.gradient,
-            record.stress,
-            record.iterations,
-            record.cuts,
-            np.arange(len(self.targets)) < record.step,
-            dict(record.used),
-            join(record.here.states),
-            tuple(record.attempts),
+        return Equilibria(
+            **self._at_targets,
+            converged=np.arange(len(self.targets)) < self.step,
+            linear_solvers=dict(self.linear_solvers),
+            state=join(self.here.states),
+            attempts=tuple(self.attempts),
         )
 
     def advance(self) -> None:
         """Go on to the next target; raises LoadStepError, with the part before it, where it is not reached."""
-        record, assembly = self.record, self.stepper.assembly
         with _numerics():
-            self._reach(record.step)
-            here = record.here
-            record.displacement[record.step], record.force[record.step] = here.displacement, here.internal_force
-            record.gradient[record.step] = assembly.deformation_gradient(here.displacement)
-            record.stress[record.step] = here.stress
-            record.step += 1
+            self._reach(self.step)
+            self._at_targets["displacement"][self.step] = self.here.displacement
+            self._at_targets["internal_force"][self.step] = self.here.internal_force
+            gradient = self.stepper.assembly.deformation_gradient(self.here.displacement)
+            self._at_targets["deformation_gradient"][self.step] = gradient
+            self._at_targets["piola"][self.step] = self.here.piola
+            self.step += 1
 
     def _reach(self, step: int) -> None:
-        record = self.record
-        before = record.here.displacement.reshape(-1)[self.stepper.assembly.prescribed]
+        before = self.here.displacement.reshape(-1)[self.stepper.assembly.prescribed]
         reached = 0.0
         while reached < 1.0:
-            end = min(1.0, reached + record.increment)
+            end = min(1.0, reached + self.increment)
             values = self.targets[step] if end == 1.0 else before + end * (self.targets[step] - before)
-            self.residuals = []
-            failure = ""
+            self.residuals, failure = [], ""
             try:
-                record.here, record.before = self.stepper.attempt(
-                    record.here, values, record.before, record.used, self.residuals, self._watch
-                )
+                self.here, self.before = self._equilibrium(values)
             except ConvergenceError as error:
                 failure = str(error)
-            record.attempts.append(Attempt(step, reached, end, tuple(self.residuals), failure))
-            record.iterations[step] += len(self.residuals)
+            self.attempts.append(Attempt(step, reached, end, tuple(self.residuals), failure))
+            self._at_targets["newton_iterations"][step] += len(self.residuals)
             if not failure:
                 reached = end
                 if len(self.residuals) <= QUICK:
-                    record.increment = min(1.0, 2.0 * record.increment)
+                    self.increment = min(1.0, 2.0 * self.increment)
                 continue
-            record.cuts[step] += 1
-            record.increment = 0.5 * (end - reached)
-            if record.increment < self.stepper.smallest_increment:
+            self._at_targets["cuts"][step] += 1
+            self.increment = 0.5 * (end - reached)
+            if self.increment < self.stepper.smallest_increment:
                 raise LoadStepError(
                     step,
                     f"no equilibrium found beyond {100.0 * reached:.3g} % of its way, with increments "
@@ -318,56 +276,82 @@ class Walk:
                     self.solution,
                 )
 
+    def _equilibrium(self, target: Array) -> tuple[Point, Move]:
+        """The equilibrium at prescribed values, shape (prescribed,), and the move of the tangent here towards it.
 
-@dataclass
-class Record:
-    """All that a walk has found, and all that it needs to go on; arrays over all steps, as of `Solution`.
+        Appends to `residuals`. Raises ConvergenceError where none is found.
+        """
+        stepper, here = self.stepper, self.here
+        assembly, free = stepper.assembly, stepper.assembly.free
+        displacement = here.displacement.copy()
+        components = displacement.reshape(-1)
+        change = target - components[assembly.prescribed]
+        components[assembly.prescribed] = target
+        right = -here.internal_force.reshape(-1)[free] - here.coupling @ change
+        move = Move(change, self._linear(here, right))
+        components[free] += move.response + move.bend(self.before)
+        near = None
+        for _ in range(stepper.largest_number_of_iterations):
+            point = assembly.evaluate(displacement.copy(), here.states, near)
+            near = point.states
+            right = -point.internal_force.reshape(-1)[free]
+            size = float(np.linalg.norm(right))
+            # Without a free component nothing is out of balance, however small the forces.
+            residual = 0.0 if size == 0.0 and np.isfinite(point.force_scale) else size / point.force_scale
+            self.residuals.append(residual)
+            if self._watch is not None:
+                self._watch(self)
+            if residual <= stepper.tolerance:
+                return point, move
+            if not np.isfinite(residual):
+                raise ConvergenceError(assembly.what_is_not_finite(displacement))
+            if len(self.residuals) < stepper.largest_number_of_iterations:
+                components[free] += self._linear(point, right)
+        raise ConvergenceError(f"the residual is {residual:.1e} after {len(self.residuals)} iterations")
 
-    here : the last equilibrium; before : the move that led there, none at all at the start
-    increment : part of a step to try next; step : the next target
-    """
-
-    here: Point
-    before: Move
-    increment: float
-    step: int
-    displacement: Array
-    force: Array
-    gradient: Array
-    stress: Array
-    iterations: NDArray[np.int64]
-    cuts: NDArray[np.int64]
-    used: Counter[str]
-    attempts: list[Attempt]
+    def _linear(self, point: Point, right: Array) -> Array:
+        size = float(np.linalg.norm(right))
+        if size == 0.0:
+            return np.zeros_like(right)
+        # Newton's method squares a small residual; a linear solution better than that would be wasted.
+        relative = size / point.force_scale
+        tolerance = max(min(LOOSE, 0.1 * relative), 0.01 * self.stepper.tolerance / relative)
+        with self.stepper.clock.of("macroscopic solve"):
+            linear = self.stepper.solve(point.stiffness, right, tolerance)
+        self.linear_solvers[linear.solver] += 1
+        return linear.values
 
     @property
     def arrays(self) -> list[NDArray[Any]]:
         """The very arrays that a walk needs to go on, in a fixed order; the pattern of the stiffness never changes."""
-        found, here = [self.displacement, self.force, self.gradient, self.stress, self.iterations, self.cuts], self.here
-        found += [here.displacement, here.internal_force, here.stiffness.data, here.coupling.data, here.stress]
-        return [*found, self.before.change, self.before.response, *arrays_of(here.states)]
+        here = self.here
+        of_point = [here.displacement, here.internal_force, here.stiffness.data, here.coupling.data, here.piola]
+        return [
+            *self._at_targets.values(), *of_point, self.before.change, self.before.response, *arrays_of(here.states)
+        ]  # fmt: skip
 
     @property
     def notes(self) -> dict[str, Any]:
         """All else that it needs, as JSON can hold it."""
-        names = ("increment", "step", "used")
-        attempts = [list(vars(attempt).values()) for attempt in self.attempts]
-        return {name: getattr(self, name) for name in names} | {
+        return {
+            "step": self.step,
+            "increment": self.increment,
             "force_scale": self.here.force_scale,
-            "attempts": attempts,
+            "linear_solvers": self.linear_solvers,
+            "attempts": [list(vars(attempt).values()) for attempt in self.attempts],
         }
 
     def take(self, notes: Any) -> None:
-        """Take over notes that JSON gave back; a class of error that is about values says that they are none."""
+        """Take over notes that JSON gave back; an error about values leaves all as it was."""
         step, increment, force_scale = int(notes["step"]), float(notes["increment"]), float(notes["force_scale"])
-        used = Counter({str(name): int(count) for name, count in notes["used"].items()})
+        solvers = Counter({str(name): int(count) for name, count in notes["linear_solvers"].items()})
         attempts = [
             Attempt(int(number), float(start), float(end), tuple(map(float, residuals)), str(failure))
             for number, start, end, residuals, failure in notes["attempts"]
         ]
-        if not (0 <= step <= len(self.iterations) and 0.0 < increment <= 1.0 and force_scale > 0.0):
+        if not (0 <= step <= len(self.targets) and 0.0 < increment <= 1.0 and force_scale > 0.0):
             raise ValueError(f"step {step}, increment {increment}, force scale {force_scale}")
-        self.step, self.increment, self.used, self.attempts = step, increment, used, attempts
+        self.step, self.increment, self.linear_solvers, self.attempts = step, increment, solvers, attempts
         self.here = replace(self.here, force_scale=force_scale)
 
 

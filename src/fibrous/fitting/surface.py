@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
 from fibrous.errors import FitError
+from fibrous.materials.contract import MaterialError
+from fibrous.materials.hgo import refuse_structure_tensor
 
 Array = NDArray[np.float64]
 
@@ -25,7 +27,6 @@ FOLD_SEED = 0  # the numbering of networks follows a low-discrepancy sequence, s
 RESOLUTION = 400  # of a region, in either direction: fractions to about 1e-3
 SLACK = 0.005  # alignments are printed with two decimals
 OFF_DIAGONAL = 0.01  # below it a tensor counts as given in its principal axes
-ROUNDING = 1e-6  # of trace and symmetry
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ def fit_surface(H11: Array, H22: Array, value: Array, terms: int, folds: int) ->
     if freedom < 1 or np.linalg.matrix_rank(matrix) < terms:
         raise FitError(
             f"the surface of Eq. 11 has {terms} terms and {len(matrix)} fitted networks do not determine them: "
-            "ask for more networks, or a wider range of H11 (delaunay.networks, delaunay.H11)"
+            "ask for more networks, or a wider range of H11"
         )
     orthogonal, triangular = np.linalg.qr(matrix)
     inverse = np.linalg.inv(triangular)
@@ -155,14 +156,10 @@ def alignment(structure_tensor: ArrayLike, ranges: ArrayLike) -> tuple[float, fl
         raise FitError("the structure tensor holds something that is not a number: give 3 by 3 numbers") from None
     if tensor.shape != (3, 3):
         raise FitError(f"the structure tensor has shape {tensor.shape}: give 3 by 3 numbers")
-    if not np.isfinite(tensor).all():
-        raise FitError("the structure tensor holds NaN or infinity: give 3 by 3 finite numbers")
-    if np.abs(tensor - tensor.T).max() > ROUNDING:
-        raise FitError("the structure tensor is not symmetric: give (H + Hᵀ)/2")
-    if abs(np.trace(tensor) - 1.0) > ROUNDING:
-        raise FitError(f"the structure tensor has trace {np.trace(tensor):.6g}, not 1: divide it by its trace")
-    if np.linalg.eigvalsh(tensor)[0] < -ROUNDING:
-        raise FitError("the structure tensor has a negative eigenvalue: no fibres have such an alignment")
+    try:
+        refuse_structure_tensor(tensor)
+    except MaterialError as error:
+        raise FitError(str(error)) from None
     off_diagonal = np.abs(tensor[np.triu_indices(3, 1)]).max()
     if off_diagonal > OFF_DIAGONAL:
         raise FitError(

@@ -1,9 +1,9 @@
 """The tissue's finite element problem as an input file of FEBio, format 4.0 (.feb).
 
-Units are mm, N and MPa. The material of Eq. 10A is a solid mixture: a coupled Mooney–Rivlin solid with c1 = C1, c2 = 0
-and k = λ (FEBio's k is the first Lamé parameter), and three ``fiber-exp-pow`` families with ksi = h C2, alpha = C3
-and beta = 2, which carry tension alone. FEBio numbers from 1. Times are load steps: at time 3 stand the displacements
-of the third step, and the log has a block of nodal displacements and reactions for every step.
+Units are mm, N and MPa. The material, NeoHookean + HGOFamilies, is a solid mixture: a coupled Mooney–Rivlin solid with
+c1 = C1, c2 = 0 and k = λ (FEBio's k is the first Lamé parameter), and three ``fiber-exp-pow`` families with ksi = h C2,
+alpha = C3 and beta = 2, which carry tension alone. FEBio numbers from 1. Times are load steps: at time 3 stand the
+displacements of the third step, and the log has a block of nodal displacements and reactions for every step.
 """
 
 from __future__ import annotations
@@ -13,6 +13,9 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fibrous.materials.contract import Material, MaterialError, Mixture
+from fibrous.materials.hgo import HGOFamilies
+from fibrous.materials.neo_hookean import NeoHookean
 from fibrous.specimen import FIXED, MOVED, Specimen
 
 Array = NDArray[np.float64]
@@ -22,24 +25,30 @@ FIXED_SET = "fixed enthesis"
 AXES = ("1,0,0", "0,1,0", "0,0,1")
 
 
-def feb(specimen: Specimen, C1: float, lame_lambda: float, C2: Array, C3: Array) -> bytes:
+def feb(specimen: Specimen, material: Material) -> bytes:
     """The content of a .feb file.
 
-    Families lie along the eigenvectors of each element's structure tensor and are weighted by its eigenvalues h, the
-    largest first.
-
-    Parameters
-    ----------
-    C1, lame_lambda : constants of the matrix, MPa
-    C2, C3 : constants of the fibres of each element, MPa and 1, shape (elements,)
+    The families of each element come in falling order of their weights. Raises MaterialError for a material that FEBio
+    does not have: one other than NeoHookean + HGOFamilies in tension alone, with the same matrix everywhere.
     """
-    eigenvalues, eigenvectors = np.linalg.eigh(specimen.structure_tensor)
-    weights, axes = eigenvalues[:, ::-1], eigenvectors[..., ::-1]
+    match material:
+        case Mixture((NeoHookean() as matrix, HGOFamilies(tension_only=True) as fibers)) if (
+            np.size(matrix.C1) == np.size(matrix.lame_lambda) == 1
+        ):
+            pass
+        case _:
+            raise MaterialError(f"FEBio has no {material!r}; give it one NeoHookean + HGOFamilies in tension alone")
+    count = len(specimen.mesh.element_nodes)
+    C2, C3 = (np.broadcast_to(values, (count, 1))[:, 0] for values in (fibers.C2, fibers.C3))
+    weights = np.broadcast_to(fibers.weights, (count, 1, 3))[:, 0]
+    directions = np.broadcast_to(fibers.directions, (count, 1, 3, 3))[:, 0]
+    order = np.argsort(-weights, axis=1)
+    weights, axes = np.take_along_axis(weights, order, 1), np.take_along_axis(directions, order[..., None], 1)
     root = ElementTree.Element("febio_spec", version="4.0")
     root.append(ElementTree.Comment(f" {specimen.caption} "))
     _child(_child(root, "Module", type="solid"), "units", "mm-N-s")
     _control(root, len(specimen.prescribed_displacement))
-    _material(root, C1, lame_lambda)
+    _material(root, float(matrix.C1), float(matrix.lame_lambda))
     _mesh(root, specimen)
     _child(_child(root, "MeshDomains"), "SolidDomain", name=PART, mat=MATERIAL)
     data = _child(root, "MeshData")
@@ -93,12 +102,12 @@ def _mesh(root: ElementTree.Element, specimen: Specimen) -> None:
 
 
 def _axes(data: ElementTree.Element, axes: Array) -> None:
-    """Material axes of each element, in which the families lie along 1, 2 and 3."""
+    """Material axes of each element as rows, in which the families lie along 1, 2 and 3."""
     entries = _child(data, "ElementData", type="mat_axis", elem_set=PART)
     for number, axis in enumerate(axes, start=1):
         entry = _child(entries, "elem", lid=str(number))
-        _child(entry, "a", _text(axis[:, 0]))
-        _child(entry, "d", _text(axis[:, 1]))
+        _child(entry, "a", _text(axis[0]))
+        _child(entry, "d", _text(axis[1]))
 
 
 def _element_data(data: ElementTree.Element, name: str, values: Array) -> None:

@@ -14,7 +14,6 @@ fibers : CSV with one row for each element and columns element, direction_x, dir
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
@@ -24,7 +23,7 @@ import numpy as np
 from netCDF4 import Dataset
 from numpy.typing import NDArray
 
-from fibrous.errors import DatasetError
+from fibrous.errors import DatasetError, naming
 from fibrous.fe.mesh import Mesh, MeshError
 from fibrous.io.netcdf import NETCDF_3, content_of
 from fibrous.io.tables import columns, read_csv
@@ -43,18 +42,16 @@ ROUNDING = 1e-6
 PARALLEL = 1e-3
 
 
-def read_specimen(files: Mapping[str, str]) -> Specimen:
-    """The specimen of the files ``mesh``, ``motion`` and ``fibers``, formats as in the module's text.
+def read_specimen(mesh: Path | str, motion: Path | str, fibers: Path | str) -> Specimen:
+    """The specimen of three files, formats as in the module's text.
 
     Raises MeshError, naming the file and the row, node or element at fault, where they do not make one.
     """
-    mesh = read_mesh(Path(files["mesh"]))
-    enthesis, displacement = _read_motion(Path(files["motion"]), len(mesh.node_position))
-    direction, tensor = _read_fibers(Path(files["fibers"]), len(mesh.element_nodes))
-    try:
-        return Specimen(mesh, direction, tensor, enthesis, displacement, f"mesh of {files['mesh']}")
-    except MeshError as error:
-        raise MeshError(f"{files['motion']}: {error}") from None
+    hexahedra = read_mesh(Path(mesh))
+    enthesis, displacement = _read_motion(Path(motion), len(hexahedra.node_position))
+    direction, tensor = _read_fibers(Path(fibers), len(hexahedra.element_nodes))
+    with naming(str(motion)):
+        return Specimen(hexahedra, direction, tensor, enthesis, displacement, f"mesh of {mesh}")
 
 
 def read_mesh(path: Path) -> Mesh:
@@ -62,34 +59,31 @@ def read_mesh(path: Path) -> Mesh:
 
     Raises MeshError where it cannot be read, holds elements of another type, or is no mesh to compute with.
     """
-    found = _read_with_meshio(path)
+    content = _read_with_meshio(path)
     wrong: dict[str, int] = {}
-    for block in found.cells:
+    for block in content.cells:
         if block.type != "hexahedron":
             wrong[block.type] = wrong.get(block.type, 0) + len(block.data)
     if wrong:
         names = " and ".join(f"{count} {type_}" for type_, count in wrong.items())
         raise MeshError(f"{path}: has {names} elements; only hexahedra, of eight nodes, can be computed with")
-    if not found.cells:
+    if not content.cells:
         raise MeshError(f"{path}: has no elements; it needs hexahedra of eight nodes")
-    position = np.asarray(found.points, dtype=float)
-    try:
-        return Mesh(position, np.concatenate([block.data for block in found.cells]))
-    except MeshError as error:
-        raise MeshError(f"{path}: {error}") from None
+    with naming(str(path)):
+        return Mesh(content.points, np.concatenate([block.data for block in content.cells]))
 
 
 def _read_with_meshio(path: Path) -> meshio.Mesh:
     try:
-        content = content_of(path, "specimen_files in the config names it")
+        content = content_of(path, "give the path of a mesh file")
     except DatasetError as error:
         raise MeshError(str(error)) from None
     if content.startswith(NETCDF_3):
         _refuse_cut(path, content)
-    said = StringIO()
+    printed = StringIO()
     try:
         # meshio prints what it finds wrong, and ends the process for some files.
-        with redirect_stdout(said), redirect_stderr(said):
+        with redirect_stdout(printed), redirect_stderr(printed):
             return meshio.read(path)
     except MemoryError:
         raise
@@ -99,7 +93,7 @@ def _read_with_meshio(path: Path) -> meshio.Mesh:
             f"pip install {error.name}, or convert the mesh to VTU"
         ) from None
     except (Exception, SystemExit) as error:  # its readers let pass whatever they stumble over
-        text = " ".join((said.getvalue() or str(error) or type(error).__name__).split())[:120]
+        text = " ".join((printed.getvalue() or str(error) or type(error).__name__).split())[:120]
         raise MeshError(f"{path}: not a mesh file that meshio can read ({text})") from None
 
 

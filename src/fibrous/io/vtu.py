@@ -10,7 +10,7 @@ import meshio
 import numpy as np
 from numpy.typing import NDArray
 
-from fibrous.fe.fields import green_lagrange_strain, maximum_shear
+from fibrous.deformation import element_shear, green_lagrange_strain
 from fibrous.specimen import Specimen
 
 Array = NDArray[np.float64]
@@ -21,7 +21,7 @@ def vtu(
     displacement: Array,
     deformation_gradient: Array,
     stress: Array,
-    constants: Mapping[str, Array],
+    cells: Mapping[str, Array],
 ) -> bytes:
     """The content of a .vtu file: the mesh in the reference state with the fields of a deformed one.
 
@@ -36,22 +36,22 @@ def vtu(
     displacement : shape (nodes, 3), mm
     deformation_gradient : F, shape (elements, Gauss points, 3, 3)
     stress : Cauchy stress, shape (elements, Gauss points, 3, 3), MPa
-    constants : further numbers of each element, shape (elements,), by the name they get, such as ``C2_MPa`` and ``C3``
+    cells : further numbers of each element, shape (elements,), by the name they get, such as ``C2_MPa`` and ``C3``
     """
     strain = green_lagrange_strain(deformation_gradient)
-    cells = {
+    cell_data = {
         "cauchy_stress_MPa": stress.mean(axis=1).reshape(-1, 9),
         "green_lagrange_strain": strain.mean(axis=1).reshape(-1, 9),
-        "maximum_shear_stress_MPa": maximum_shear(stress).mean(axis=1),
-        "maximum_shear_strain": maximum_shear(strain).mean(axis=1),
+        "maximum_shear_stress_MPa": element_shear(stress),
+        "maximum_shear_strain": element_shear(strain),
         "fiber_direction": specimen.fiber_direction,
-        **constants,
+        **cells,
     }
     grid = meshio.Mesh(
         specimen.mesh.node_position,
         [("hexahedron", specimen.mesh.element_nodes)],
         point_data={"displacement_mm": displacement, "enthesis": specimen.enthesis},
-        cell_data={name: [values] for name, values in cells.items()},
+        cell_data={name: [values] for name, values in cell_data.items()},
     )
     # meshio writes this format to paths alone.
     with TemporaryDirectory() as folder:

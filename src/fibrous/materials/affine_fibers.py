@@ -29,7 +29,7 @@ FOURTH = np.array([QUADRUPLES.index(tuple(sorted(index))) for index in np.ndinde
 SECOND = np.array([PAIRS.index((min(index), max(index))) for index in np.ndindex(3, 3)]).reshape(3, 3)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class AffineFibers(PerElement):
     """W = Σ_m v_m w(λ_m) with λ_m = |F N_m| and w the reduced energy of the fibre law (Eq. 6).
 
@@ -42,9 +42,9 @@ class AffineFibers(PerElement):
     Raises MaterialError for directions that are no unit vectors, negative weights, and shapes other than these.
 
     >>> from fibrous import Fiber
-    >>> law = Fiber(modulus_MPa=10.0, nonlinearity=2.5, radius_um=0.1)
-    >>> alone = AffineFibers(np.array([[1.0, 0.0, 0.0]]), np.array([2.0]), law)
-    >>> float(alone(np.eye(3))[1][0, 0, 0, 0])
+    >>> fiber = Fiber(modulus_MPa=10.0, nonlinearity=2.5, radius_um=0.1)
+    >>> law = AffineFibers(np.array([[1.0, 0.0, 0.0]]), np.array([2.0]), fiber)
+    >>> float(law.tangent(np.eye(3))[0, 0, 0, 0])
     2.0
     """
 
@@ -121,8 +121,8 @@ class AffineFibers(PerElement):
                 fourth = (weights * axial) @ _products(directions, QUADRUPLES)
                 return np.concatenate([second, fourth], axis=-1)
 
-        found = self._over_blocks(F, moments, len(PAIRS) + len(QUADRUPLES))
-        S, D = found[..., : len(PAIRS)][..., SECOND], found[..., len(PAIRS) :][..., FOURTH]
+        sums = self._over_blocks(F, moments, len(PAIRS) + len(QUADRUPLES))
+        S, D = sums[..., : len(PAIRS)][..., SECOND], sums[..., len(PAIRS) :][..., FOURTH]
         tangent = np.einsum("...kN,...iNJL->...iJkL", F, np.einsum("...iM,...MNJL->...iNJL", F, D))
         for i in range(3):
             tangent[..., i, :, i, :] += S

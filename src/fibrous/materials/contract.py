@@ -1,4 +1,4 @@
-"""What a material is: ``P, A, state = material(F, state, near)`` over arbitrary leading axes.
+"""What a material is: ``P, A, state = material(F, state, near)`` over arbitrary leading axes, and sums of materials.
 
 F[..., i, J] is the deformation gradient ∂x_i/∂X_J, P[..., i, J] the first Piola–Kirchhoff stress ∂W/∂F_iJ and
 A[..., i, J, k, L] the tangent ∂P_iJ/∂F_kL, both in MPa. Parameters broadcast against the leading axes of F: in finite
@@ -11,12 +11,13 @@ returns are views of such arrays with the components moved to the end.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import fields
-from typing import Any, ClassVar, Protocol, Self
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fibrous.deformation import cauchy_stress
 from fibrous.errors import FibrousError
 
 Array = NDArray[np.float64]
@@ -28,8 +29,12 @@ class MaterialError(FibrousError):
     """A material constant is out of its range."""
 
 
-class Material(Protocol):
-    """A law of stress; see the module's text for shapes and units."""
+class Material:
+    """Base of all laws of stress; see the module's text for shapes and units.
+
+    A law of one's own defines `__call__`, `energy` and `of_elements`, the last by way of PerElement where its constants
+    may differ between elements. ``law + law`` is their sum.
+    """
 
     def __call__(self, gradient: Array, state: State = None, near: State = None) -> tuple[Array, Array, State]:
         """P (..., 3, 3), A (..., 3, 3, 3, 3) and the new state, for F of shape (..., 3, 3).
@@ -41,16 +46,78 @@ class Material(Protocol):
         has no stress (a determinant that is not positive) P and A of a solid are not finite; fibres alone may have
         some. Raises ConvergenceError where a law that is solved for, not evaluated, finds no solution.
         """
+        raise NotImplementedError
 
     def energy(self, gradient: Array) -> Array:
         """W, shape (...), MPa, for F of shape (..., 3, 3)."""
+        raise NotImplementedError
 
     def of_elements(self, elements: slice) -> Self:
         """The same law for a range of elements, the first of the leading axes."""
+        raise NotImplementedError
+
+    def stress(self, gradient: Array) -> Array:
+        """Cauchy stress σ = P Fᵀ/J from rest to F, shape (..., 3, 3), MPa."""
+        return cauchy_stress(self.piola(gradient), gradient)
+
+    def piola(self, gradient: Array) -> Array:
+        """First Piola–Kirchhoff stress P from rest to F, shape (..., 3, 3), MPa."""
+        return self(gradient)[0]
+
+    def tangent(self, gradient: Array) -> Array:
+        """∂P_iJ/∂F_kL from rest to F, shape (..., 3, 3, 3, 3), MPa."""
+        return self(gradient)[1]
+
+    def __add__(self, other: Material) -> Mixture:
+        return Mixture((*_parts(self), *_parts(other)))
 
 
-class PerElement:
-    """Base of materials whose fields may differ from element to element.
+@dataclass(frozen=True, repr=False)
+class Mixture(Material):
+    """The sum of materials under one deformation gradient: energies and stresses add (Eq. 10A).
+
+    parts : one material at the least. The state is a tuple with one state per part, or None where no part has one.
+    """
+
+    parts: tuple[Material, ...]
+
+    def __call__(self, gradient: Array, state: State = None, near: State = None) -> tuple[Array, Array, State]:
+        """Sums of P and A over the parts, and the tuple of their states."""
+        without = (None,) * len(self.parts)
+        states, nears = (without if given is None else given for given in (state, near))
+        stress, tangent, first = self.parts[0](gradient, states[0], nears[0])
+        new = [first]
+        for part, before, start in zip(self.parts[1:], states[1:], nears[1:], strict=True):
+            more_stress, more_tangent, after = part(gradient, before, start)
+            stress = _sum(stress, more_stress)
+            tangent = _sum(tangent, more_tangent)
+            new.append(after)
+        return stress, tangent, None if all(after is None for after in new) else tuple(new)
+
+    def energy(self, gradient: Array) -> Array:
+        """Sum of W over the parts, shape (...), MPa."""
+        return np.asarray(sum(part.energy(gradient) for part in self.parts))
+
+    def of_elements(self, elements: slice) -> Self:
+        """The same sum for a range of elements."""
+        return type(self)(tuple(part.of_elements(elements) for part in self.parts))
+
+    def __repr__(self) -> str:
+        return " + ".join(map(repr, self.parts))
+
+
+def _parts(material: Material) -> tuple[Material, ...]:
+    return material.parts if isinstance(material, Mixture) else (material,)
+
+
+def _sum(total: Array, more: Array) -> Array:
+    """The sum, in the memory of `total` unless `more` has parameters at more points than `total` had."""
+    fits = np.broadcast_shapes(total.shape, more.shape) == total.shape
+    return np.add(total, more, out=total if fits else None)
+
+
+class PerElement(Material):
+    """Base of materials, frozen dataclasses, whose fields may differ from element to element.
 
     `component_axes` tells how many trailing axes of a field are components (2 for a tensor); a field not named there
     has none, and one that is no array is the same everywhere.
@@ -68,6 +135,10 @@ class PerElement:
                 # With one leading axis or none a parameter belongs to Gauss points or to all.
                 parts[field.name] = value[elements] if leading > 1 and len(value) > 1 else value
         return _replaced(self, parts)
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{field.name}={_brief(getattr(self, field.name))}" for field in fields(self))  # type: ignore[arg-type]
+        return f"{type(self).__name__}({values})"
 
     def _check(self, name: str, allowed: Callable[[Array], NDArray[np.bool_]], range_: str) -> None:
         """Make the field `name` an array of floats; raise MaterialError naming the first element outside `range_`."""
@@ -88,8 +159,16 @@ def refuse(good: ArrayLike, value: Array, name: str, range_: str) -> None:
     bad = np.argwhere(~good)
     if len(bad):
         where = f"element {bad[0][0]}: " if good.ndim > 1 else ""
-        found = value[tuple(bad[0])].tolist()
-        raise MaterialError(f"{where}{name} is {found}; it must be {range_}")
+        raise MaterialError(f"{where}{name} is {value[tuple(bad[0])].tolist()}; it must be {range_}")
+
+
+def _brief(value: Any) -> str:
+    """A constant in a few characters: of an array its shape and range."""
+    if not isinstance(value, np.ndarray):
+        return repr(value)
+    if value.ndim == 0:
+        return f"{value:g}"
+    return f"<{' x '.join(map(str, value.shape))}, {value.min():.3g} to {value.max():.3g}>"
 
 
 def _replaced(material: Any, parts: dict[str, Array]) -> Any:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import exprel
 
-from fibrous.materials.contract import MaterialError, PerElement, State, components_first, components_last, refuse
+from fibrous.materials.contract import PerElement, State, components_first, components_last, refuse
 
 Array = NDArray[np.float64]
 
@@ -29,8 +29,40 @@ RESTING = 1e-14
 AT_LEAST_0 = "a number of at least 0"
 
 
-@dataclass(frozen=True)
-class HGOFamilies(PerElement):
+class HGO(PerElement):
+    """Base of laws W = Σ_p w_p C2/(2 C3) (exp(C3 (M_p : C − 1)²) − 1), which is what `fitting.hgo` fits.
+
+    A law of one's own is one of the two below with another `of_structure_tensor`, or a new one with its `terms`.
+    """
+
+    C2: Array | float
+    C3: Array | float
+
+    def __post_init__(self) -> None:
+        self._check("C2", lambda C2: C2 >= 0.0, AT_LEAST_0)
+        self._check("C3", lambda C3: C3 >= 0.0, AT_LEAST_0)
+
+    @classmethod
+    def of_structure_tensor(
+        cls, structure_tensor: Array, C2: Array | float, C3: Array | float, tension_only: bool = True
+    ) -> Self:
+        """The law of fibres with H, shape (..., 3, 3); C2 in MPa and C3 are numbers or arrays that broadcast."""
+        raise NotImplementedError
+
+    @property
+    def terms(self) -> tuple[Array, Array]:
+        """w_p, shape (..., terms), and M_p, shape (..., terms, 3, 3)."""
+        raise NotImplementedError
+
+    def _set_components(self, name: str, shape: tuple[int, ...]) -> None:
+        value = np.asarray(getattr(self, name), dtype=float)
+        if value.shape[-len(shape) :] != shape:
+            refuse(np.asarray(False), np.asarray(f"of shape {value.shape}"), name, f"an array of shape (..., {shape})")
+        object.__setattr__(self, name, value)
+
+
+@dataclass(frozen=True, repr=False)
+class HGOFamilies(HGO):
     """W = C2/(2 C3) Σ_p h_p (exp(C3 (I4_p − 1)²) − 1) with I4_p = N_p · C N_p, three orthogonal families (Eq. 10C).
 
     Parameters
@@ -42,6 +74,10 @@ class HGOFamilies(PerElement):
     tension_only : whether a family with I4_p < 1 carries nothing
 
     Raises MaterialError for constants outside these ranges.
+
+    >>> law = HGOFamilies.of_structure_tensor(np.diag([0.6, 0.3, 0.1]), C2=0.1, C3=0.4)
+    >>> law.stress(np.diag([1.2, 0.95, 0.95])).round(4).tolist()
+    [[0.0759, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
     """
 
     C2: Array | float
@@ -53,11 +89,10 @@ class HGOFamilies(PerElement):
     component_axes: ClassVar[dict[str, int]] = {"weights": 1, "directions": 2}
 
     def __post_init__(self) -> None:
-        self._check("C2", lambda C2: C2 >= 0.0, AT_LEAST_0)
-        self._check("C3", lambda C3: C3 >= 0.0, AT_LEAST_0)
-        _set_components(self, "weights", (3,))
+        super().__post_init__()
+        self._set_components("weights", (3,))
         refuse((self.weights >= 0.0).all(-1) & np.isfinite(self.weights).all(-1), self.weights, "weights", AT_LEAST_0)
-        _set_components(self, "directions", (3, 3))
+        self._set_components("directions", (3, 3))
         products = self.directions @ np.swapaxes(self.directions, -1, -2)
         good = (np.abs(products - np.eye(3)) < ROUNDING).all(axis=(-1, -2))
         refuse(good, self.directions, "directions", "three orthogonal unit vectors, one a row")
@@ -67,9 +102,14 @@ class HGOFamilies(PerElement):
         cls, structure_tensor: Array, C2: Array | float, C3: Array | float, tension_only: bool = True
     ) -> Self:
         """Families along the eigenvectors of H, shape (..., 3, 3), weighted by its eigenvalues (section 2.7)."""
-        _refuse_structure_tensor(structure_tensor)
+        refuse_structure_tensor(structure_tensor)
         eigenvalues, eigenvectors = np.linalg.eigh(structure_tensor)
         return cls(C2, C3, np.maximum(eigenvalues, 0.0), np.swapaxes(eigenvectors, -1, -2), tension_only)
+
+    @property
+    def terms(self) -> tuple[Array, Array]:
+        """h_p and N_p ⊗ N_p."""
+        return self.weights, self.directions[..., :, None] * self.directions[..., None, :]
 
     def __call__(self, gradient: Array, state: State = None, near: State = None) -> tuple[Array, Array, State]:
         """P = Σ 2W' f ⊗ N, A = Σ 2W' δ_ik N_J N_L + 4W'' f_i N_J f_k N_L with f = F N and W' = ∂W/∂I4, in MPa."""
@@ -91,14 +131,16 @@ class HGOFamilies(PerElement):
         """W, shape (...), MPa."""
         F, N, h, C2, C3 = self._components(gradient)
         excesses = ((_applied(F, N[p]) ** 2).sum(axis=0) - 1.0 for p in range(3))
-        return np.asarray(sum(_energy(C2 * h[p], C3, excess, self.tension_only) for p, excess in enumerate(excesses)))
+        return np.asarray(
+            sum(exponential_energy(C2 * h[p], C3, excess, self.tension_only) for p, excess in enumerate(excesses))
+        )
 
     def _components(self, gradient: Array) -> list[Array]:
         return components_first((gradient, 2), (self.directions, 2), (self.weights, 1), (self.C2, 0), (self.C3, 0))
 
 
-@dataclass(frozen=True)
-class HGOStructureTensor(PerElement):
+@dataclass(frozen=True, repr=False)
+class HGOStructureTensor(HGO):
     """W = C2/(2 C3) (exp(C3 (⟨I4⟩ − 1)²) − 1) with ⟨I4⟩ = H : C = λ_f² (Eq. 2).
 
     Parameters
@@ -109,6 +151,9 @@ class HGOStructureTensor(PerElement):
     tension_only : whether the law carries nothing where λ_f < 1
 
     Raises MaterialError for constants outside these ranges.
+
+    >>> HGOStructureTensor(0.1, 0.4, np.diag([0.6, 0.3, 0.1]))
+    HGOStructureTensor(C2=0.1, C3=0.4, structure_tensor=<3 x 3, 0 to 0.6>, tension_only=True)
     """
 
     C2: Array | float
@@ -119,17 +164,21 @@ class HGOStructureTensor(PerElement):
     component_axes: ClassVar[dict[str, int]] = {"structure_tensor": 2}
 
     def __post_init__(self) -> None:
-        self._check("C2", lambda C2: C2 >= 0.0, AT_LEAST_0)
-        self._check("C3", lambda C3: C3 >= 0.0, AT_LEAST_0)
-        _set_components(self, "structure_tensor", (3, 3))
-        _refuse_structure_tensor(self.structure_tensor)
+        super().__post_init__()
+        self._set_components("structure_tensor", (3, 3))
+        refuse_structure_tensor(self.structure_tensor)
 
     @classmethod
     def of_structure_tensor(
         cls, structure_tensor: Array, C2: Array | float, C3: Array | float, tension_only: bool = True
     ) -> Self:
-        """The law of H, shape (..., 3, 3), called as that of the families is."""
+        """The law of H, shape (..., 3, 3)."""
         return cls(C2, C3, structure_tensor, tension_only)
+
+    @property
+    def terms(self) -> tuple[Array, Array]:
+        """1 and H."""
+        return np.ones((*self.structure_tensor.shape[:-2], 1)), self.structure_tensor[..., None, :, :]
 
     def __call__(self, gradient: Array, state: State = None, near: State = None) -> tuple[Array, Array, State]:
         """P = 2W' F H, A = 2W' δ_ik H_JL + 4W'' (F H)_iJ (F H)_kL with W' = ∂W/∂⟨I4⟩, in MPa."""
@@ -143,7 +192,7 @@ class HGOStructureTensor(PerElement):
     def energy(self, gradient: Array) -> Array:
         """W, shape (...), MPa."""
         F, H, C2, C3 = self._components(gradient)
-        return _energy(C2, C3, (self._mapped(F, H) * F).sum(axis=(0, 1)) - 1.0, self.tension_only)
+        return exponential_energy(C2, C3, (self._mapped(F, H) * F).sum(axis=(0, 1)) - 1.0, self.tension_only)
 
     def _components(self, gradient: Array) -> list[Array]:
         return components_first((gradient, 2), (self.structure_tensor, 2), (self.C2, 0), (self.C3, 0))
@@ -153,7 +202,8 @@ class HGOStructureTensor(PerElement):
         return np.stack([_applied(F, H[:, j]) for j in range(3)], axis=1)
 
 
-def _energy(C2: Array | float, C3: Array | float, excess: Array, tension_only: bool) -> Array:
+def exponential_energy(C2: Array | float, C3: Array | float, excess: Array, tension_only: bool) -> Array:
+    """C2/(2 C3) (exp(C3 x²) − 1) at x, any shape, in the unit of C2; infinite beyond the range of numbers."""
     square = (np.maximum(excess, 0.0) if tension_only else excess) ** 2
     with np.errstate(over="ignore"):
         return 0.5 * C2 * square * exprel(C3 * square)
@@ -179,14 +229,8 @@ def _add_geometric(tangent: Array, geometric: Array) -> None:
         tangent[i, :, i] += geometric
 
 
-def _set_components(material: HGOFamilies | HGOStructureTensor, name: str, shape: tuple[int, ...]) -> None:
-    value = np.asarray(getattr(material, name), dtype=float)
-    if value.shape[-len(shape) :] != shape:
-        refuse(np.asarray(False), np.asarray(f"of shape {value.shape}"), name, f"an array of shape (..., {shape})")
-    object.__setattr__(material, name, value)
-
-
-def _refuse_structure_tensor(tensor: ArrayLike) -> None:
+def refuse_structure_tensor(tensor: ArrayLike) -> None:
+    """Raise MaterialError for what is no structure tensor, shape (..., 3, 3), naming the first element."""
     H = np.asarray(tensor, dtype=float)
     with np.errstate(invalid="ignore"):
         good = np.isfinite(H).all(axis=(-1, -2))
@@ -200,17 +244,3 @@ def _refuse_structure_tensor(tensor: ArrayLike) -> None:
         "structure_tensor",
         "symmetric, without negative eigenvalues, of trace 1",
     )
-
-
-# Laws with constants C2 and C3 by the name that the config and the tables of fits have for them.
-LAWS: dict[str, type[HGOFamilies] | type[HGOStructureTensor]] = {
-    "structure_tensor": HGOStructureTensor,
-    "families": HGOFamilies,
-}
-
-
-def law_called(name: str) -> type[HGOFamilies] | type[HGOStructureTensor]:
-    """The law with constants of that name; raises MaterialError for any other name."""
-    if name not in LAWS:
-        raise MaterialError(f"law '{name}' has no constants C2 and C3; those that have are {', '.join(LAWS)}")
-    return LAWS[name]

@@ -12,7 +12,7 @@ from fibrous.materials.contract import PerElement, State, components_first, comp
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class NeoHookean(PerElement):
     """W = C1 (I1 − 3) − 2 C1 ln J + (λ/2) (ln J)² (Eq. 10B).
 

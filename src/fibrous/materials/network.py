@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from fibrous.clock import Clock
 from fibrous.errors import ConvergenceError, FibrousError, naming
-from fibrous.materials.contract import MaterialError, State
+from fibrous.materials.contract import Material, MaterialError, State
 from fibrous.networks import kernels
 from fibrous.networks.engine import Engine
 from fibrous.networks.guard import LIMITS, Limits
@@ -64,8 +64,8 @@ def _pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads)
 
 
-@dataclass(frozen=True)
-class FiberNetworks:
+@dataclass(frozen=True, repr=False)
+class FiberNetworks(Material):
     """W = (1/V) Σ kA L w(λ) over the fibres of a network in equilibrium under F, one network per element (Eq. 4.1).
 
     Parameters
@@ -98,6 +98,9 @@ class FiberNetworks:
         engines = tuple(network.engine(limits, clock) for network in networks)
         scale = np.array([network.stress_unit_MPa for network in networks])
         return cls(engines, scale, 1 + max(engine.size for engine in engines), threads)
+
+    def __repr__(self) -> str:
+        return f"<FiberNetworks: one in each of {len(self.engines)} elements>"
 
     def of_elements(self, elements: slice) -> Self:
         """The same law for a range of elements."""

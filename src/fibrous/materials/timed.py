@@ -14,8 +14,8 @@ from fibrous.materials.contract import Material, State
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Timed:
+@dataclass(frozen=True, repr=False)
+class Timed(Material):
     """The same law; `clock` counts what its stress and tangent cost as `part`."""
 
     law: Material
@@ -30,6 +30,9 @@ class Timed:
     def energy(self, gradient: Array) -> Array:
         """W of the law, shape (...), MPa."""
         return self.law.energy(gradient)
+
+    def __repr__(self) -> str:
+        return repr(self.law)
 
     def of_elements(self, elements: slice) -> Self:
         """The same law for a range of elements, with the same clock."""

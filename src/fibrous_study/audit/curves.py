@@ -1,4 +1,4 @@
-"""Statements of sections 2.3, 2.5 and 3.1 to 3.3 about networks and their curves, network by network."""
+"""Statements of sections 2.3, 2.5 and 3.1 to 4.1 about networks and their curves, network by network."""
 
 from __future__ import annotations
 
@@ -6,186 +6,205 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fibrous.curves import Curves
 from fibrous.deformation import Load, averaged_stretch, right_cauchy_green
-from fibrous_study.audit.finding import (
+from fibrous_study.audit.evidence import Evidence
+from fibrous_study.audit.verdict import (
+    ENSEMBLE,
+    NAMED,
     Array,
     Finding,
-    Statement,
-    Thresholds,
     Verdict,
-    agrees,
+    fraction,
     half_of_last_digit,
-    holds_for_most,
     judged,
-    listed,
-    number,
-    over_replicates,
-    percent,
-    say,
-    share_of,
-    span,
-    where,
+    judges,
+    numbers,
+    rank_correlation,
 )
 
-LoadSets = Mapping[str, tuple[str, ...]]
+
+@judges("case-alignment")
+def alignment(evidence: Evidence, printed: Mapping[str, float]) -> Finding:
+    """The case-study network's H, to half of the last digit printed."""
+    diagonal = np.einsum("nii->in", evidence.tensors)
+    wanted = [printed[name] for name in ("H11", "H22", "H33")]
+    off, doubt = float(np.abs(diagonal[:, 0] - wanted).max()), half_of_last_digit(wanted)
+    tensor = dict(zip(("H11", "H22", "H33"), diagonal, strict=True))
+    return Finding(judged([off <= doubt]), [*numbers(tensor, printed=printed), *numbers(off=off, rounding=doubt)])
 
 
-def alignment(statement: Statement, tensors: Array) -> Finding:
-    """The case-study network's H, shape (networks, 3, 3), the paper's first, to half the last digit printed."""
-    diagonal = np.einsum("nii->ni", tensors)
-    off, doubt = float(np.abs(diagonal[0] - statement.value).max()), half_of_last_digit(statement.value)
-    return Finding(
-        ", ".join(f"{one:.3f}" for one in diagonal[0]),
-        judged([off <= doubt]),
-        f"The generated network is off by {number(off, 1)} at most, where half of the last digit printed is "
-        f"{number(doubt)}.",
-        over_replicates([f"H{i + 1}{i + 1} {span(diagonal[1:, i])}" for i in range(3)], len(tensors) - 1),
-    )
+@judges("case-volume-fraction")
+def volume_fraction(evidence: Evidence, printed: Mapping[str, float]) -> Finding:
+    """The volume fraction of the case-study network."""
+    fractions = evidence.fractions
+    agrees = evidence.thresholds.agrees(fractions[0], printed["volume_fraction"])
+    return Finding(judged([agrees]), numbers(volume_fraction=fractions, printed=printed))
 
 
-def volume_fraction(statement: Statement, fractions: Array, thresholds: Thresholds) -> Finding:
-    """The volume fraction, shape (networks,), the paper's first."""
-    return Finding(
-        f"{fractions[0]:.4f}",
-        judged([agrees(fractions[0], statement.value, thresholds.printed_digits)]),
-        "The generator sizes its cube until the fibres fill this share of it (Eq. 5).",
-        over_replicates([f"{fractions[1:].min():.4f} to {fractions[1:].max():.4f}"], len(fractions) - 1),
-    )
-
-
-def realignment(small: Curves, large: Curves, load_sets: LoadSets, thresholds: Thresholds) -> Finding:
+@judges("realignment-spread", NAMED)
+def realignment(evidence: Evidence, _: Mapping[str, float]) -> Finding:
     """How far the largest eigenvalue of h is apart between loads at the ends of the small and of the large range.
 
     By itself and, since the statement may mean it so, over λ_f − 1, which grows by far more.
     """
-    varies, more, faster, said, rates, spreads = {}, {}, {}, [], [], []
-    for name, loads in load_sets.items():
+    mostly, parts, found = evidence.thresholds.mostly, [], []
+    small, large = evidence.case(evidence.small), evidence.case(evidence.large)
+    for name, loads in evidence.load_sets.items():
         few, many = (
             np.ptp(curves.under(loads).largest_orientation_eigenvalue[..., -1], axis=1) for curves in (small, large)
         )
-        rate, later = (
+        early, late = (
             apart / (curves.averaged_stretch[..., -1].max(axis=1) - 1.0)
             for apart, curves in ((few, small), (many, large))
         )
-        varies[name] = holds_for_most(many >= thresholds.orientation, thresholds.most)
-        more[name] = holds_for_most(few > many, thresholds.most)
-        faster[name] = holds_for_most(rate > later, thresholds.most)
-        said.append(
-            f"{name}: largest less least eigenvalue {say(few[0])} at the end of the small range, {say(many[0])} of "
-            "the large range"
-        )
-        rates.append(f"{say(rate[0])} against {say(later[0])} with {name}")
-        spreads.append(f"{name}: {span(few[1:])} and {span(many[1:])}")
-    return Finding(
-        "; ".join(said),
-        judged([*varies.values(), *more.values()]),
-        f"The eigenvalue depends on the load {where(varies)}, and differs more between loads at the end of the small "
-        f"range than at that of the large one {where(more)}. Per unit of λ_f − 1 it differs more at small strain "
-        f"{where(faster)}: {listed(rates)}.",
-        over_replicates(spreads, len(small.names) - 1),
-    )
+        varies, more = mostly(many >= evidence.thresholds.orientation), mostly(few > many)
+        parts += [varies, more]
+        found += numbers(load_set=name, apart_small=few, apart_large=many, rate_small=early, rate_large=late)
+        found += numbers(load_set=name, varies=varies, more_at_small=more, faster_at_small=mostly(early > late))
+    return Finding(judged(parts), found)
 
 
-def converge(small: Curves, large: Curves, loads: tuple[str, ...], thresholds: Thresholds) -> bool:
-    """Whether the loads' W at one λ_f differ at the end of the small range, and by less at that of the large one."""
-    few, many = (curves.under(loads).dissimilarity() for curves in (small, large))
-    return holds_for_most((few >= thresholds.same_magnitude) & (many < few), thresholds.most)
+def dissimilarities(evidence: Evidence, loads: tuple[str, ...]) -> tuple[Array, Array, bool]:
+    """Largest over least W of the case study's loads at one λ_f, shape (networks,), and whether the loads approach.
+
+    At the ends of the small and of the large range; they approach each other where they differ at the first, and by
+    less at the second.
+    """
+    few, many = (evidence.case(one).under(loads).dissimilarity() for one in (evidence.small, evidence.large))
+    return few, many, evidence.thresholds.mostly((few >= evidence.thresholds.same_magnitude) & (many < few))
 
 
-def convergence_of_curves(small: Curves, large: Curves, load_sets: LoadSets, thresholds: Thresholds) -> Finding:
+@judges("curves-converge", NAMED)
+def convergence(evidence: Evidence, _: Mapping[str, float]) -> Finding:
     """Whether the loads' W at one λ_f differ by less at the end of the large range than at that of the small one."""
-    holds = {name: converge(small, large, loads, thresholds) for name, loads in load_sets.items()}
-    said, spreads = [], []
-    for name, loads in load_sets.items():
-        few, many = (curves.under(loads).dissimilarity() for curves in (small, large))
-        said.append(f"{name}: largest over least W {say(few[0])} at small, {say(many[0])} at large strain")
-        spreads.append(f"{name}: {span(few[1:])} and {span(many[1:])}")
-    ends = [float(curves.reach[0]) for curves in (small, large)]
-    return Finding(
-        "; ".join(said),
-        judged(holds.values()),
-        f"The curves approach each other {where(holds)}. Compared is W of all loads at the λ_f that they all reach, "
-        f"{ends[0]:.2f} at 10 % Green strain and {ends[1]:.2f} at 112 %.",
-        over_replicates(spreads, len(small.names) - 1),
-    )
+    parts, found = [], []
+    for name, loads in evidence.load_sets.items():
+        few, many, approach = dissimilarities(evidence, loads)
+        parts.append(approach)
+        found += numbers(load_set=name, W_ratio_small=few, W_ratio_large=many, approach=approach)
+    small, large = (float(evidence.case(one).reach[0]) for one in (evidence.small, evidence.large))
+    return Finding(judged(parts), [*found, *numbers(lambda_f_small=small, lambda_f_large=large)])
 
 
-def magnitudes(statement: Statement, curves: Curves, asked: Array, thresholds: Thresholds) -> Finding:
-    """Magnitudes of the xy- and xz-biaxial loads that reach one λ_f in network 3, of tensor `asked`, shape (3, 3)."""
+@judges("network3-stretches", NAMED)
+def magnitudes(evidence: Evidence, printed: Mapping[str, float]) -> Finding:
+    """Magnitudes of the xy- and xz-biaxial loads that reach one λ_f in network 3."""
+    curves, asked = evidence.network(3), evidence.asked[evidence.survey[2]]
     pair = curves.under(("xy_biaxial", "xz_biaxial"))
-    ends = pair.magnitude[..., -1]
+    ends, values = pair.magnitude[..., -1], [printed[load] for load in pair.loads]
     # λ_f of the printed magnitudes, and of the ends of what they may be rounded from.
-    doubt = half_of_last_digit(statement.value)
-    printed, least, largest = (
+    doubt = half_of_last_digit(values)
+    stretch, least, largest = (
         [
             float(averaged_stretch(Load.parse(load).deformation_gradient(value + change), asked))
-            for load, value in zip(pair.loads, statement.value, strict=True)
+            for load, value in zip(pair.loads, values, strict=True)
         ]
         for change in (0.0, -doubt, doubt)
     )
-    if max(least) <= min(largest):
-        verdict = judged([agrees(ends[0], statement.value, thresholds.printed_digits)])
-        why = f"The printed magnitudes reach λ_f = {say(*printed)}."
-    else:
-        verdict = Verdict.CONTRADICTED
-        why = (
-            f"At the network's H the printed magnitudes mean λ_f = {printed[0]:.2f} and {printed[1]:.2f}, where "
-            f"section 2.3 wants that of the first load for both, {curves.averaged_stretch[0, 0, -1]:.2f}."
-        )
-    spreads = [f"{load} {span(ends[1:, i])}" for i, load in enumerate(pair.loads)]
-    here = ", ".join(f"{load} {number(end)}" for load, end in zip(pair.loads, ends[0], strict=True))
-    return Finding(here, verdict, why, over_replicates(spreads, len(ends) - 1))
+    one_stretch = max(least) <= min(largest)
+    return Finding(
+        judged([evidence.thresholds.agrees(ends[0], values)]) if one_stretch else Verdict.CONTRADICTED,
+        [
+            *numbers(dict(zip(pair.loads, ends.T, strict=True)), printed=printed),
+            *numbers(lambda_f=curves.averaged_stretch[0, 0, -1]),
+            *numbers({f"lambda_f_of_printed_{load}": one for load, one in zip(pair.loads, stretch, strict=True)}),
+        ],
+    )
 
 
-def stiffer_across(curves: Curves, thresholds: Thresholds) -> Finding:
+@judges("network3-stiffer-transverse", NAMED)
+def stiffer_across(evidence: Evidence, _: Mapping[str, float]) -> Finding:
     """Whether network 3, aligned with z, stores more energy under the loads across z than along it, at one λ_f."""
-    energy = curves.under(("x_uniaxial", "xy_biaxial", "xz_biaxial")).energies_at(curves.reach)
+    curves = evidence.network(3)
+    across = curves.under(("x_uniaxial", "xy_biaxial", "xz_biaxial"))
+    energy = across.energies_at(curves.reach)
     ratio = energy[:, :2] / energy[:, 2:]
-    ends = curves.under(("x_uniaxial", "xy_biaxial", "xz_biaxial")).magnitude[0, :, -1]
     return Finding(
-        f"W of x-uniaxial {say(ratio[0, 0])} and of xy-biaxial {say(ratio[0, 1])} times that of xz-biaxial",
-        judged([holds_for_most(one > 1.0, thresholds.most) for one in ratio.T]),
-        f"At λ_f = {curves.reach[0]:.2f} W is {say(*energy[0, :2], unit='MPa')} under x-uniaxial and xy-biaxial "
-        f"stretch, across the alignment, and {say(energy[0, 2], unit='MPa')} under xz-biaxial stretch, along it; the "
-        f"magnitudes at the ends of these loads are {say(*ends)}.",
-        over_replicates(
-            [f"{load} {span(ratio[1:, i])}" for i, load in enumerate(("x-uniaxial", "xy-biaxial"))], len(ratio) - 1
-        ),
+        judged([evidence.thresholds.mostly(one > 1.0) for one in ratio.T]),
+        [
+            *numbers(x_uniaxial=ratio[:, 0], xy_biaxial=ratio[:, 1], lambda_f=curves.reach[0]),
+            *numbers({f"W_{load}": one for load, one in zip(across.loads, energy.T, strict=True)}, unit="MPa"),
+            *numbers(dict(zip(("end_x", "end_xy", "end_xz"), across.magnitude[0, :, -1], strict=True))),
+        ],
     )
 
 
-def newton_iterations(statement: Statement, ensemble: Curves, thresholds: Thresholds) -> Finding:
-    """Newton iterations a step, over all networks, loads and steps after rest."""
-    spent = ensemble.newton_iterations[..., 1:]
-    least, most = statement.value
-    inside, below = share_of((spent >= least) & (spent <= most)), share_of(spent <= most)
-    if inside >= thresholds.most:
-        verdict = Verdict.REPRODUCED
-    else:
-        verdict = Verdict.PARTLY if below >= thresholds.most else Verdict.NOT
+@judges("newton-iterations", ENSEMBLE)
+def newton_iterations(evidence: Evidence, printed: Mapping[str, float]) -> Finding:
+    """Newton iterations per step, over all networks, loads and steps after rest."""
+    spent, thresholds = evidence.ensemble.newton_iterations[..., 1:], evidence.thresholds
+    within, below = (spent >= printed["least"]) & (spent <= printed["most"]), spent <= printed["most"]
     few, middle, many = np.percentile(spent, (5, 50, 95))
-    return Finding(
-        f"median {middle:.0f}, 5th to 95th percentile {few:.0f} to {many:.0f}",
-        verdict,
-        f"{percent(inside)} of {spent.size:,} states need {least:.0f} to {most:.0f} iterations, and {percent(below)} "
-        f"no more than {most:.0f}: each step starts from the tangent's prediction.",
-    )
+    found = numbers(median=middle, percentile_5=few, percentile_95=many, states=spent.size)
+    found += numbers(least=spent.min(), most=spent.max(), printed=printed)
+    found += numbers(within=fraction(within), not_more=fraction(below))
+    if thresholds.mostly(within):
+        return Finding(Verdict.REPRODUCED, found)
+    return Finding(Verdict.PARTLY if thresholds.mostly(below) else Verdict.NOT, found)
 
 
-def rows_of_figure_3(small: Curves, large: Curves) -> Finding:
+@judges("figure-3-rows", NAMED)
+def rows_of_figure_3(evidence: Evidence, _: Mapping[str, float]) -> Finding:
     """Which range rows a and b of Fig. 3 show: section 3.1 and the caption say the opposite of each other."""
-    ends = [curves.deformation_gradient[0, 0, -1] for curves in (small, large)]
-    cube = [0.5 * (right_cauchy_green(end)[0, 0] - 1.0) for end in ends]
-    stretch = [curves.averaged_stretch[0, 0, -1] for curves in (small, large)]
-    mean_fiber = [0.5 * (end**2 - 1.0) for end in stretch]
+    found = []
+    for name, curves in (("small", evidence.case(evidence.small)), ("large", evidence.case(evidence.large))):
+        stretch, gradient = curves.averaged_stretch[0, 0, -1], curves.deformation_gradient[0, 0, -1]
+        cube = 0.5 * (right_cauchy_green(gradient)[0, 0] - 1.0)
+        fibers = 0.5 * (stretch**2 - 1.0)
+        found += numbers({f"E_cube_{name}": cube, f"E_fibers_{name}": fibers, f"lambda_f_{name}": stretch})
+    return Finding(Verdict.CONTRADICTED, found)
+
+
+@judges("dissimilar-with-alignment", ENSEMBLE)
+def dissimilarity(evidence: Evidence, _: Mapping[str, float]) -> Finding:
+    """Whether curves of more aligned networks differ more, over those of an ensemble that are aligned with x.
+
+    All are compared at the smallest λ_f that all of them reach under all loads, and each at its own largest λ_f, too.
+    """
+    aligned = evidence.ensemble.along_x()
+    parts, found = [], numbers(aligned=len(aligned.names), networks=len(evidence.ensemble.names))
+    for name, loads in evidence.load_sets.items():
+        curves = aligned.under(loads)
+        common = float(curves.reach.min())
+        at_common, at_largest = curves.dissimilarity(common), curves.dissimilarity()
+        rank, rank_at_largest = (rank_correlation(curves.H11, one) for one in (at_common, at_largest))
+        parts.append(rank >= evidence.thresholds.trend_of(len(curves.names)))
+        first, last = _fifths(curves.H11, at_common)
+        cut = curves.amplitude_limited.any(axis=1).sum()
+        found += numbers(load_set=name, rank=rank, rank_at_largest=rank_at_largest, lambda_f=common, rises=parts[-1])
+        found += numbers(load_set=name, W_ratio_least_aligned=first, W_ratio_most_aligned=last, cut=cut)
+    return Finding(judged(parts), found)
+
+
+def _fifths(order: Array, values: Array) -> tuple[float, float]:
+    """Medians of `values` over the least and the largest fifth by `order`."""
+    ranked = values[np.argsort(order, kind="stable")]
+    count = max(1, len(ranked) // 5)
+    return float(np.median(ranked[:count])), float(np.median(ranked[-count:]))
+
+
+@judges("fit-spread-grows", NAMED, ENSEMBLE)
+def fit_spread(evidence: Evidence, _: Mapping[str, float]) -> Finding:
+    """Whether curves of networks 4 and 5 scatter more than network 1's tight ones, and fits get worse with alignment.
+
+    Networks 1 to 5 with their replicates are compared at the smallest λ_f that all of them reach under all loads.
+    """
+    thresholds, parts, found = evidence.thresholds, [], []
+    for name, loads in evidence.load_sets.items():
+        curves = [evidence.network(k).under(loads) for k in range(1, 6)]
+        common = min(float(one.reach.min()) for one in curves)
+        ratio, at_largest = [one.dissimilarity(common) for one in curves], [one.dissimilarity() for one in curves]
+        wider = all(thresholds.mostly(one[:, None] > ratio[0]) for one in ratio[3:])
+        tight = thresholds.mostly(ratio[0] <= thresholds.same_magnitude)
+        aligned = evidence.ensemble_large_fits[name].along_x()
+        rank = rank_correlation(aligned.H11, aligned.r_squared)
+        worse = rank <= -thresholds.trend_of(len(aligned.H11))
+        parts += [wider, tight, worse]
+        found += numbers({f"W_ratio_{k}": one for k, one in enumerate(ratio, 1)}, load_set=name)
+        found += numbers({f"W_ratio_at_largest_{k}": one for k, one in enumerate(at_largest, 1)}, load_set=name)
+        found += numbers(load_set=name, lambda_f=common, wider=wider, tight=tight, rank_r_squared=rank, worse=worse)
+        found += numbers(load_set=name, cut=sum(one.amplitude_limited.any(axis=1).sum() for one in curves))
     return Finding(
-        f"Green strain {percent(cube[0])} along x ends at λ_f = {stretch[0]:.3f}, {percent(cube[1])} at "
-        f"{stretch[1]:.3f}",
-        Verdict.CONTRADICTED,
-        "Section 3.1 puts the small range into row a and the caption into row b, which no data of ours can decide. The "
-        f"percentages are the cube's Green strain along x, {percent(cube[0])} and {percent(cube[1])}, and not that of "
-        f"the fibres, as the caption says, which is ½(λ_f² − 1) = {percent(mean_fiber[0])} and "
-        f"{percent(mean_fiber[1])}; the caption also gives d, the close-up of small stretches in the text, the large "
-        "range.",
+        judged(parts),
+        [*found, *numbers(aligned=len(aligned.H11), networks=sum(len(one.names) for one in curves))],
     )

@@ -2,54 +2,63 @@
 
 from __future__ import annotations
 
-from fibrous_study.audit.finding import Finding, Statement, Thresholds, Verdict, agrees, judged, number
-from fibrous_study.three_fibers import State
+from collections.abc import Mapping
+from fractions import Fraction
+
+from fibrous_study.audit.evidence import Evidence
+from fibrous_study.audit.verdict import Finding, Verdict, judged, judges, numbers
+from fibrous_study.three_fibers import State, affine, equilibrium
+
+ALONG, ACROSS = "b", "c"  # panels of Fig. 7
 
 
-def averaged_stretch(statement: Statement, state: State, thresholds: Thresholds) -> Finding:
-    """λ_f of a state against the printed one."""
-    found = state.averaged_stretch
-    return Finding(
-        f"{found:.3f}",
-        judged([agrees(found, statement.value, thresholds.printed_digits)]),
-        f"√(H:C) of the printed H and F is {found:.4f}.",
-    )
+def states(evidence: Evidence, panel: str) -> tuple[State, State]:
+    """The affine and the balanced state of a panel of Fig. 7."""
+    stretch = float(Fraction(evidence.paper["figure_7"][panel]["stretch"]))
+    return affine(stretch), equilibrium(stretch)
 
 
-def aligned_mean(statement: Statement, affine: State, equilibrium: State, thresholds: Thresholds) -> Finding:
+@judges("fig7-aligned-estimate", panel=ALONG)
+@judges("fig7-transverse-estimate", panel=ACROSS)
+def averaged_stretch(evidence: Evidence, printed: Mapping[str, float], panel: str) -> Finding:
+    """λ_f = √(H:C) of the printed H and F."""
+    stretch = states(evidence, panel)[0].averaged_stretch
+    agrees = evidence.thresholds.agrees(stretch, printed["lambda_f"])
+    return Finding(judged([agrees]), numbers(lambda_f=stretch, printed=printed))
+
+
+@judges("fig7-aligned-mean")
+def aligned_mean(evidence: Evidence, printed: Mapping[str, float]) -> Finding:
     """The mean stretch along the alignment: of the affine state and of the one that Eq. 12 balances."""
-    of_affine, of_equilibrium = (
-        agrees(state.mean_stretch, statement.value, thresholds.printed_digits) for state in (affine, equilibrium)
+    moved, balanced = states(evidence, ALONG)
+    of_affine, of_balanced = (
+        evidence.thresholds.agrees(state.mean_stretch, printed["mean_affine"]) for state in (moved, balanced)
     )
-    here = f"{affine.mean_stretch:.3f} affine, {equilibrium.mean_stretch:.3f} in equilibrium"
-    if of_equilibrium or not of_affine:
-        return Finding(here, judged([of_equilibrium]), f"Eq. 12 balances at {equilibrium.mean_stretch:.3f}.")
     return Finding(
-        here,
-        Verdict.PARTLY,
-        "The printed number is right for the affine state, which Eq. 12 does not balance: it leaves the node a force "
-        f"of {number(affine.vertical_force)} kA. Balance, which the paper asks of the other case, gives "
-        f"{equilibrium.mean_stretch:.3f}, where λ_f = {equilibrium.averaged_stretch:.3f}.",
-    )
-
-
-def transverse_lengths(statement: Statement, state: State, thresholds: Thresholds) -> Finding:
-    """L1, L2 and θ across the alignment."""
-    found = (*state.lengths[:2], state.angle)
-    return Finding(
-        f"{found[0]:.3f}, {found[1]:.3f}, {found[2]:.1f} deg",
-        judged([agrees(found, statement.value, thresholds.printed_digits)]),
-        "Eq. 12 with the two constraints is solved; the force left on the node is "
-        f"{number(abs(state.vertical_force), 1)} kA.",
+        Verdict.PARTLY if of_affine and not of_balanced else judged([of_balanced]),
+        [
+            *numbers(mean_affine=moved.mean_stretch, mean_balanced=balanced.mean_stretch, printed=printed),
+            *numbers(lambda_f=balanced.averaged_stretch),
+            *numbers(unit="kA", force_affine=moved.vertical_force),
+        ],
     )
 
 
-def transverse_stretches(statement: Statement, state: State, thresholds: Thresholds) -> Finding:
-    """The stretches of fibres 1 and 2 and the mean of the three across the alignment."""
-    found = (*state.fiber_stretches[:2], state.mean_stretch)
+@judges("fig7-transverse-lengths")
+@judges("fig7-transverse-stretches")
+def transverse(evidence: Evidence, printed: Mapping[str, float]) -> Finding:
+    """What is printed of the balanced state across the alignment: L1, L2 and θ, or stretches and their mean."""
+    state = states(evidence, ACROSS)[1]
+    lengths = {"L1": state.lengths[0], "L2": state.lengths[1]}
+    stretches = {"stretch_1": state.fiber_stretches[0], "stretch_2": state.fiber_stretches[1]}
+    values = {**lengths, "theta": state.angle, **stretches, "mean": state.mean_stretch}
+    found = numbers({name: values[name] for name in printed if name != "theta"}, printed=printed)
+    found += numbers(unit="degree", theta=state.angle, printed=printed) if "theta" in printed else []
     return Finding(
-        f"{found[0]:.2f}, {found[1]:.2f}, {found[2]:.3f}",
-        judged([agrees(found, statement.value, thresholds.printed_digits)]),
-        f"The most stretched of the three fibres has {max(state.fiber_stretches):.2f} of its length at rest, while "
-        f"λ_f = {state.averaged_stretch:.3f}.",
+        judged([evidence.thresholds.agrees([values[name] for name in printed], [*printed.values()])]),
+        [
+            *found,
+            *numbers(largest=max(state.fiber_stretches), lambda_f=state.averaged_stretch),
+            *numbers(unit="kA", force=abs(state.vertical_force)),
+        ],
     )

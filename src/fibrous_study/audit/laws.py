@@ -3,36 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from functools import cache
 
 import numpy as np
 
 from fibrous.curves import Curves
-from fibrous.material_point import along_path
 from fibrous.materials.contract import Material
-from fibrous.materials.hgo import HGOFamilies, HGOStructureTensor
-from fibrous_study.audit.evidence import Constants
-from fibrous_study.audit.finding import (
-    Array,
-    Finding,
-    Thresholds,
-    Verdict,
-    holds_for_most,
-    judged,
-    listed,
-    number,
-    over_replicates,
-    percent,
-    percents,
-    say,
-    span,
-)
+from fibrous.materials.registry import LAWS as ALL_LAWS
+from fibrous_study.audit.evidence import Constants, Evidence
+from fibrous_study.audit.verdict import Array, Finding, Verdict, judged, judges, numbers
 
-EQ_2, EQ_10C = "Eq. 2", "Eq. 10C"
-# The law that is fitted, and the one that the finite elements run with the same constants.
+EQ_2, EQ_10C = "eq_2", "eq_10c"
+# The law that is fitted, and the law that the finite elements run with the same constants.
 LAWS: dict[str, Callable[[Array, float, float, bool], Material]] = {
-    EQ_2: HGOStructureTensor.of_structure_tensor,
-    EQ_10C: HGOFamilies.of_structure_tensor,
+    EQ_2: ALL_LAWS["structure_tensor"].material.of_structure_tensor,
+    EQ_10C: ALL_LAWS["families"].material.of_structure_tensor,
 }
 INITIAL, REFIT = "initial", "refit"
 
@@ -42,9 +28,9 @@ class Errors:
     """How far a law with the constants of each network is from that network, shape (networks,).
 
     end_ratio : σ_xx of the law over the network's at the end
-    shape : what is left of the error of σ_xx over the path, as a part of the network's own, when the law's σ_xx is
+    shape : what is left of the error of σ_xx over the path, as a fraction of the network's own, when the law's σ_xx is
         scaled by the best single factor
-    along_x : root mean square error of σ_xx over the path as a part of the network's own
+    along_x : root mean square error of σ_xx over the path as a fraction of the network's own
     others : the same of the other components, by their Frobenius norm
     whole : the same of the tensor
     energy_ratio : W of the law over the network's at the end
@@ -58,22 +44,22 @@ class Errors:
     energy_ratio: Array
 
 
-Found = Mapping[tuple[str, str], Errors]
-
-
-def errors(path: Curves, constants: Mapping[str, Constants], tension_only: bool) -> dict[tuple[str, str], Errors]:
-    """Errors of both laws with constants of each kind, INITIAL and REFIT, along the only load of `path`.
+@cache
+def errors(evidence: Evidence) -> dict[tuple[str, str], Errors]:
+    """Errors of both laws with constants of each kind, INITIAL and REFIT, along Eq. 9 in the case-study network.
 
     States in which a network found no equilibrium are left out.
     """
+    path, tension = evidence.case(evidence.path), evidence.tension_only
+
+    def of_law(law: str, fits: Constants) -> Errors:
+        materials = (LAWS[law](*_constants(path, fits, i), tension) for i in range(len(path.names)))
+        return Errors(*np.transpose([_errors(path.network(i), one) for i, one in enumerate(materials)]))
+
     return {
-        (law, kind): Errors(
-            *np.array(
-                [_errors(path.network(i), of(*_constants(path, fits, i), tension_only)) for i in range(len(path.names))]
-            ).T
-        )
-        for law, of in LAWS.items()
-        for kind, fits in constants.items()
+        (law, kind): of_law(law, fits)
+        for law in LAWS
+        for kind, fits in ((INITIAL, evidence.initial), (REFIT, evidence.refit))
     }
 
 
@@ -83,9 +69,9 @@ def _constants(path: Curves, fits: Constants, index: int) -> tuple[Array, float,
 
 def _errors(path: Curves, material: Material) -> tuple[float, ...]:
     network, energy = path.cauchy_stress[0, 0, 1:], path.strain_energy_density[0, 0, 1:]
-    response = along_path(material, path.deformation_gradient[0, 0, 1:])
-    found = np.isfinite(energy)
-    network, law = network[found], response.cauchy_stress[found]
+    gradients = path.deformation_gradient[0, 0, 1:]
+    known = np.isfinite(energy)
+    network, law = network[known], material.stress(gradients)[known]
     others = np.ones((3, 3), dtype=bool)
     others[0, 0] = False
     along_x = law[:, 0, 0]
@@ -97,7 +83,7 @@ def _errors(path: Curves, material: Material) -> tuple[float, ...]:
         _relative(along_x, network[:, 0, 0]),
         _relative(law[:, others], network[:, others]),
         _relative(law, network),
-        response.strain_energy_density[found][-1] / energy[found][-1],
+        material.energy(gradients)[known][-1] / energy[known][-1],
     )
 
 
@@ -105,137 +91,75 @@ def _relative(values: Array, reference: Array) -> float:
     return float(np.linalg.norm(values - reference) / np.linalg.norm(reference))
 
 
-def _called(law: str, tension_only: bool) -> str:
-    """A law in words: Eq. 10C says whether compressed families count."""
-    if law == EQ_2:
-        return law
-    return f"{law} ({'in tension alone, as in FEBio' if tension_only else 'as printed, in compression, too'})"
-
-
-def _all(tension_only: bool) -> str:
-    return listed([_called(law, tension_only) for law in LAWS])
-
-
-def initial_fit(found: Found, tension_only: bool, thresholds: Thresholds) -> Finding:
+@judges("initial-fit-under-eq9")
+def initial_fit(evidence: Evidence, _: Mapping[str, float]) -> Finding:
     """Section 3.3: the initial fit's stress is of a similar magnitude, but its curve has another shape."""
-    parts, ends, shapes, others, spreads = [], [], [], [], []
+    thresholds, parts, found = evidence.thresholds, [], numbers(tension_only=evidence.tension_only)
     for law in LAWS:
-        one = found[law, INITIAL]
-        parts += [
-            holds_for_most(np.abs(np.log(one.end_ratio)) <= np.log(thresholds.same_magnitude), thresholds.most),
-            holds_for_most(one.shape >= thresholds.shape_error, thresholds.most),
-        ]
-        ends.append(say(one.end_ratio[0]))
-        shapes.append(f"{percent(one.shape[0])}")
-        others.append(f"{percent(one.others[0])}")
-        spreads.append(f"{law}: end {span(one.end_ratio[1:])}, shape {percents(one.shape[1:])}")
-    return Finding(
-        "; ".join(
-            f"{law}: σ_xx ends at {say(found[law, INITIAL].end_ratio[0])} times the network's; error over the path "
-            f"{percent(found[law, INITIAL].along_x[0])}, scaled by the best factor "
-            f"{percent(found[law, INITIAL].shape[0])}"
-            for law in LAWS
-        ),
-        judged(parts),
-        f"By σ_xx, since the paper does not say which component or law its figure shows: {_all(tension_only)} end at "
-        f"{listed(ends)} times the network's, where a factor of {number(thresholds.same_magnitude)} is a similar "
-        f"magnitude, and are {listed(shapes)} off when scaled by the best factor, where "
-        f"{percent(thresholds.shape_error)} is another shape. The other components together are {listed(others)} off.",
-        over_replicates(spreads, len(one.shape) - 1),
-    )
+        of_law = errors(evidence)[law, INITIAL]
+        parts += [thresholds.same(of_law.end_ratio), thresholds.mostly(of_law.shape >= thresholds.shape_error)]
+        found += numbers({f"{law}_{name}": values for name, values in asdict(of_law).items()})
+    return Finding(judged(parts), found)
 
 
-def refit(found: Found, tension_only: bool, thresholds: Thresholds) -> Finding:
+@judges("refit-under-eq9")
+def refit(evidence: Evidence, _: Mapping[str, float]) -> Finding:
     """Section 3.3: the refit largely corrects the shape of the curve; after it, those of σ_xx and of the tensor."""
-    parts, said, shapes, spreads = [], [], [], []
-    corrected: list[str] = []
-    left: list[str] = []
+    thresholds, found = evidence.thresholds, numbers(tension_only=evidence.tension_only)
+    parts: list[bool] = []
     for law in LAWS:
-        before, after = found[law, INITIAL], found[law, REFIT]
-        off = holds_for_most(before.shape >= thresholds.shape_error, thresholds.most)
-        shape, along_x, whole = (
-            holds_for_most(getattr(after, of) <= thresholds.correction * getattr(before, of), thresholds.most)
-            for of in ("shape", "along_x", "whole")
-        )
-        parts += [off and shape, along_x, whole]
-        said.append(
-            f"{law}: error of σ_xx scaled by the best factor {percent(before.shape[0])} before the refit, "
-            f"{percent(after.shape[0])} after it; of σ_xx itself {percent(before.along_x[0])} and "
-            f"{percent(after.along_x[0])}, of the tensor {percent(before.whole[0])} and {percent(after.whole[0])}"
-        )
-        shapes.append(
-            f"{_called(law, tension_only)} is {percent(before.shape[0])} off before the refit and "
-            f"{percent(after.shape[0])} after it ({_shape(off, shape)})"
-        )
-        for what, held in (("σ_xx", along_x), ("the tensor", whole)):
-            (corrected if held else left).append(f"{what} with {law}")
-        spreads.append(
-            f"{law}: after the refit shape {percents(after.shape[1:])}, σ_xx {percents(after.along_x[1:])}, tensor "
-            f"{percents(after.whole[1:])}"
-        )
-    return Finding(
-        "; ".join(said),
-        judged(parts),
-        f"By σ_xx scaled by the best factor, where {percent(thresholds.shape_error)} is another shape, "
-        f"{listed(shapes)}. Of the error as it stands at most {percent(thresholds.correction)} is left of "
-        f"{listed(corrected or ['nothing'])}, and more of {listed(left or ['nothing'])}.",
-        over_replicates(spreads, len(after.shape) - 1),
-    )
+        before, after = (asdict(errors(evidence)[law, kind]) for kind in (INITIAL, REFIT))
+        other_shape = thresholds.mostly(before["shape"] >= thresholds.shape_error)
+        held = {
+            name: thresholds.mostly(after[name] <= thresholds.correction * before[name])
+            for name in ("shape", "along_x", "whole")
+        }
+        held["shape"] = other_shape and held["shape"]
+        parts += held.values()
+        found += numbers({f"{law}_other_shape": other_shape})
+        for name, corrected in held.items():
+            found += numbers({f"{law}_{name}_before": before[name], f"{law}_{name}_after": after[name]})
+            found += numbers({f"{law}_{name}_corrected": corrected})
+    return Finding(judged(parts), found)
 
 
-def _shape(off: bool, corrected: bool) -> str:
-    if not off:
-        return "no other shape to correct"
-    return "corrected" if corrected else "not corrected"
-
-
-def mixture(found: Found, tension_only: bool, thresholds: Thresholds) -> Finding:
+@judges("eq2-run-as-eq10c")
+def mixture(evidence: Evidence, _: Mapping[str, float]) -> Finding:
     """Section 2.7: constants of Eq. 2 are run in Eq. 10C, as if both were one law."""
-    fitted, run = (found[law, REFIT] for law in LAWS)
+    fitted, run = (errors(evidence)[law, REFIT] for law in LAWS)
     ratio = run.energy_ratio / fitted.energy_ratio
-    same = holds_for_most(np.abs(np.log(ratio)) <= np.log(thresholds.same_magnitude), thresholds.most)
-    stiffer = "; a mean of exponentials is above the exponential of the mean (Jensen), which no refit of Eq. 2 can mend"
     return Finding(
-        f"W of Eq. 10C {say(ratio[0])} times that of Eq. 2 with the same constants; its σ_xx ends at "
-        f"{say(run.end_ratio[0])} times the network's",
-        Verdict.REPRODUCED if same else Verdict.CONTRADICTED,
-        f"Refitted to the network's energy, Eq. 2 ends at {say(fitted.energy_ratio[0])} and "
-        f"{_called(EQ_10C, tension_only)} "
-        f"at {say(run.energy_ratio[0])} times that energy" + (stiffer if ratio[0] > 1.0 else "") + ".",
-        over_replicates([f"ratio {span(ratio[1:])}"], len(ratio) - 1),
+        Verdict.REPRODUCED if evidence.thresholds.same(ratio) else Verdict.CONTRADICTED,
+        [
+            *numbers(W_ratio=ratio, eq_10c_end_ratio=run.end_ratio, tension_only=evidence.tension_only),
+            *numbers(eq_2_energy_ratio=fitted.energy_ratio, eq_10c_energy_ratio=run.energy_ratio),
+        ],
     )
 
 
-def hgo_in_febio(path: Curves, fits: Constants, tension_only: bool, thresholds: Thresholds) -> Finding:
+@judges("febio-hgo")
+def hgo_in_febio(evidence: Evidence, _: Mapping[str, float]) -> Finding:
     """Section 2.7: FEBio has no HGO law, so that Eq. 10C is run.
 
     FEBio's `HGO unconstrained` has two families at ±γ with one dispersion κ. With γ = 0, k1 = C2/2, k2 = C3 and κ from
     H its fibres are Eq. 2 with the mean of the two smaller eigenvalues of H in place of both. Judged by W of that law
-    and of Eq. 10C over W of Eq. 2 at the end of `path`, with the constants `fits`.
+    and of Eq. 10C over W of Eq. 2 at the end of Eq. 9, with the refitted constants. The statement is denied where
+    FEBio's own law does what the paper wanted.
     """
-    ratios = []
+    path, ratios = evidence.case(evidence.path), []
     for i in range(len(path.names)):
         gradient = path.deformation_gradient[i, 0, 1:]
-        tensor, C2, C3 = _constants(path, fits, i)
+        tensor, C2, C3 = _constants(path, evidence.refit, i)
         averaged, families, exact = (
-            along_path(LAWS[law](one, C2, C3, tension_only), gradient).strain_energy_density[-1]
+            LAWS[law](one, C2, C3, evidence.tension_only).energy(gradient)[-1]
             for law, one in ((EQ_2, about_one_axis(tensor)), (EQ_10C, tensor), (EQ_2, tensor))
         )
         ratios.append((averaged / exact, families / exact))
     febio, families = np.array(ratios).T
-    nearer = holds_for_most(np.abs(np.log(febio)) < np.abs(np.log(families)), thresholds.most)
-    same = holds_for_most(np.abs(np.log(febio)) <= np.log(thresholds.same_magnitude), thresholds.most)
+    nearer = evidence.thresholds.mostly(np.abs(np.log(febio)) < np.abs(np.log(families)))
+    denied = nearer and evidence.thresholds.same(febio)
     return Finding(
-        f"W of FEBio's law {say(febio[0])} times that of Eq. 2 at the end of Eq. 9, of Eq. 10C {say(families[0])} "
-        "times",
-        # The statement is denied where FEBio's own law does what the paper wanted.
-        Verdict.NOT if nearer and same else Verdict.PARTLY,
-        "FEBio has the law twice, uncoupled (Holzapfel-Gasser-Ogden) and, in later versions, coupled (HGO "
-        "unconstrained), with two families at ±γ and one dispersion κ: with γ = 0, k1 = C2/2, k2 = C3 and κ from H, "
-        "its fibres are Eq. 2's with the two smaller eigenvalues of H averaged. Along Eq. 9 that law ends at "
-        f"{say(febio[0])} times the energy of Eq. 2, and Eq. 10C, which the paper ran in its place, at "
-        f"{say(families[0])} times.",
-        over_replicates([f"FEBio's {span(febio[1:])}", f"Eq. 10C {span(families[1:])}"], len(febio) - 1),
+        Verdict.NOT if denied else Verdict.PARTLY, numbers(febio_W_ratio=febio, eq_10c_W_ratio=families, nearer=nearer)
     )
 
 

@@ -16,9 +16,8 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
-from fibrous.deformation import largest_principal_stretch
+from fibrous.deformation import element_shear, green_lagrange_strain, largest_principal_stretch
 from fibrous.errors import DatasetError
-from fibrous.fe.fields import green_lagrange_strain, maximum_shear
 from fibrous_study.datasets import read
 from fibrous_study.figures import style
 from fibrous_study.figures.projection import Camera, fit_view
@@ -63,8 +62,8 @@ def last_step(path: Path, specimen: xr.Dataset) -> Run:
             "C2_MPa": last["C2"].values,
             "C3": last["C3"].values,
             "largest_principal_stretch": largest_principal_stretch(gradient).mean(axis=1),
-            "maximum_shear_stress_MPa": maximum_shear(last["cauchy_stress"].values).mean(axis=1),
-            "maximum_shear_strain": maximum_shear(green_lagrange_strain(gradient)).mean(axis=1),
+            "maximum_shear_stress_MPa": element_shear(last["cauchy_stress"].values),
+            "maximum_shear_strain": element_shear(green_lagrange_strain(gradient)),
         },
     )
 

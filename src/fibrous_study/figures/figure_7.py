@@ -18,33 +18,7 @@ from fibrous_study.datasets import write_table
 from fibrous_study.figures import style
 from fibrous_study.three_fibers import State, affine, equilibrium
 
-PANELS = {
-    "a": ("undeformed", 1.0),
-    "b": ("stretched along the alignment", 3.0 / 2.0),
-    "c": ("stretched across the alignment", 2.0 / 3.0),
-}
-# As section 3.2 and the caption print it; along the alignment (b) the paper lets the free node move affinely.
-PAPER = {
-    "a": {"L1": "1/2", "L2": "1/2"},
-    "b": {
-        "lambda_f": "1.284",
-        "L1": "1/3",
-        "L2": "3/4",
-        "stretch_1": "2/3",
-        "stretch_2": "3/2",
-        "mean": "1.222",
-    },
-    "c": {
-        "lambda_f": "1.023",
-        "L1": "0.439",
-        "L2": "0.456",
-        "theta_deg": "47.0",
-        "stretch_1": "0.88",
-        "stretch_2": "0.91",
-        "mean": "0.900",
-    },
-}
-PAPER_STATE = {"a": "both", "b": "affine", "c": "equilibrium"}
+TITLES = {"a": "undeformed", "b": "stretched along the alignment", "c": "stretched across the alignment"}
 ROWS = {
     "lambda_f": "$\\lambda_f = \\sqrt{H:C}$",
     "L1": "$L_1$",
@@ -59,20 +33,25 @@ LARGEST_STRETCH = 1.6
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
-    """Write outputs["data"], the numbers of the three states, and outputs["png"], outputs["svg"]."""
-    write_table(numbers(), outputs["data"], params)
-    style.save(draw(), outputs, params)
+    """Write outputs["data"], the numbers of the three states, and outputs["png"], outputs["svg"].
+
+    The config holds the panels as printed (`paper`): stretch, numbers, and the state that these describe.
+    """
+    panels = params["config"]["paper"]
+    write_table(numbers(panels), outputs["data"], params)
+    style.save(draw(panels), outputs, params)
 
 
-def numbers() -> pd.DataFrame:
+def numbers(panels: Mapping[str, Any]) -> pd.DataFrame:
     """Per panel and quantity: the balanced state, the affine one, the paper's number and which state it describes."""
     rows = []
-    for panel, (_, stretch) in PANELS.items():
+    for panel, paper in panels.items():
+        stretch = float(Fraction(paper["stretch"]))
         balanced, moved = (_quantities(state(stretch)) for state in (equilibrium, affine))
         for quantity in ROWS:
-            printed = PAPER[panel].get(quantity)
+            printed = paper["printed"].get(quantity)
             number = float(Fraction(printed)) if printed else np.nan
-            described = "both" if quantity == "lambda_f" else PAPER_STATE[panel]
+            described = "both" if quantity == "lambda_f" else paper["describes"]
             rows.append((panel, quantity, balanced[quantity], moved[quantity], number, described if printed else ""))
     return pd.DataFrame(rows, columns=["panel", "quantity", "equilibrium", "affine", "paper", "paper_describes"])
 
@@ -90,19 +69,20 @@ def _quantities(state: State) -> dict[str, float]:
 
 
 @matplotlib.rc_context(style.SHEET)
-def draw() -> Figure:
+def draw(panels: Mapping[str, Any]) -> Figure:
     """The three states to one scale, fibres coloured by stretch, and under each the table of its numbers."""
     figure = style.new_figure(style.FULL_WIDTH_MM, 95.0)
     grid = figure.add_gridspec(
         2, 3, left=0.02, right=0.90, top=0.92, bottom=0.05, height_ratios=[1.25, 1], hspace=0.05, wspace=0.08
     )
-    table = numbers()
-    for column, (panel, (title, stretch)) in enumerate(PANELS.items()):
+    table = numbers(panels)
+    for column, (panel, paper) in enumerate(panels.items()):
+        stretch = float(Fraction(paper["stretch"]))
         axes = figure.add_subplot(grid[0, column])
         _draw_state(axes, equilibrium(stretch), affine(stretch))
-        axes.set_title(title)
+        axes.set_title(TITLES[panel])
         style.panel_letter(axes, panel, dx_mm=4.0)
-        _draw_table(figure.add_subplot(grid[1, column]), table[table["panel"] == panel], PAPER[panel])
+        _draw_table(figure.add_subplot(grid[1, column]), table[table["panel"] == panel], paper["printed"])
     figure.text(
         0.035,
         0.02,

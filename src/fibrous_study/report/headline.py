@@ -10,7 +10,8 @@ from typing import Any
 
 import pandas as pd
 
-from fibrous_study.audit.finding import Verdict, percent
+from fibrous_study.audit.verdict import Verdict
+from fibrous_study.words import percent
 
 MIXTURE = {"law": "families", "energy": "structure_tensor", "objective": "energy"}
 ONE_LAW = {
@@ -21,7 +22,8 @@ ONE_LAW = {
 
 def counted(claims: pd.DataFrame) -> dict[str, int]:
     """How many statements got each verdict."""
-    return {verdict.value: int((claims["verdict"] == verdict.value).sum()) for verdict in Verdict}
+    verdicts = claims.groupby("claim")["verdict"].first()
+    return {verdict.value: int((verdicts == verdict.value).sum()) for verdict in Verdict}
 
 
 def headline(tables: Mapping[str, pd.DataFrame]) -> list[str]:
@@ -30,8 +32,9 @@ def headline(tables: Mapping[str, pd.DataFrame]) -> list[str]:
 
 
 def _of_claims(claims: pd.DataFrame) -> Iterator[str]:
-    found = [f"{count} {verdict}" for verdict, count in counted(claims).items() if count]
-    yield f"Of {len(claims)} checkable statements of the paper: {', '.join(found)}."
+    counts = counted(claims)
+    of_each = ", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count)
+    yield f"Of {sum(counts.values())} checkable statements of the paper: {of_each}."
 
 
 def _of_costs(table: pd.DataFrame) -> Iterator[str]:

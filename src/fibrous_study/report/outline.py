@@ -1,4 +1,6 @@
-"""What the report tells, in order: sections with their figures and tables, and the statements that belong to each.
+"""What the report tells, in order: sections with their figures and tables.
+
+The statements that belong to each say so in config/paper.yaml (`under`).
 
 The rules ask here, too, under which heading Snakemake's own report lists a figure.
 """
@@ -7,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fibrous_study.audit.finding import Verdict
+from fibrous_study.audit.verdict import Verdict
 
 
 @dataclass(frozen=True)
@@ -15,23 +17,26 @@ class Exhibit:
     """A figure or a table of the report.
 
     stage : that draws the figure, or nothing; table : name of a view in fibrous_study.report.tables, or nothing
-    title; claims : ids of the statements that it bears on
+    title
     """
 
     title: str
     stage: str = ""
     table: str = ""
-    claims: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """By which statements say that they belong to it."""
+        return self.stage or self.table
 
 
 @dataclass(frozen=True)
 class Section:
-    """A heading, a few sentences, the exhibits below them, and statements that none of these shows."""
+    """A heading, a few sentences, and the exhibits below them."""
 
     title: str
     text: str
     exhibits: tuple[Exhibit, ...]
-    claims: tuple[str, ...] = ()
 
 
 SECTIONS = (
@@ -57,20 +62,12 @@ SECTIONS = (
             Exhibit(
                 "Figure 3. The network deformed, and how its fibres turn",
                 "figure_3",
-                claims=("realignment-spread", "figure-3-rows"),
             ),
             Exhibit(
                 "Figure 5. Energy against averaged stretch, with the fits",
                 "figure_5",
-                claims=(
-                    "curves-converge",
-                    "shear-pair",
-                    "family-fits",
-                    "family-fits-denied",
-                ),
             ),
         ),
-        ("case-alignment", "case-volume-fraction", "newton-iterations"),
     ),
     Section(
         "Constants over alignment",
@@ -80,20 +77,10 @@ SECTIONS = (
             Exhibit(
                 "Figure 6. Five networks, their curves, and the constants over alignment",
                 "figure_6",
-                claims=(
-                    "fit-spread-grows",
-                    "network3-stretches",
-                    "network3-stiffer-transverse",
-                    "c2-trend",
-                    "c2-trend-discussion",
-                    "dissimilar-with-alignment",
-                    "constants-of-alignment-alone",
-                ),
             ),
             Exhibit(
                 "Table 1. Coefficients of Eq. 11, ours and the paper's",
                 table="table_1",
-                claims=("table1-c2", "table1-c3", "surface-r2"),
             ),
             Exhibit(
                 "What both surfaces give where the networks are",
@@ -102,13 +89,6 @@ SECTIONS = (
             Exhibit(
                 "Figure 7. The three-fibre example, computed",
                 "figure_7",
-                claims=(
-                    "fig7-aligned-estimate",
-                    "fig7-aligned-mean",
-                    "fig7-transverse-estimate",
-                    "fig7-transverse-lengths",
-                    "fig7-transverse-stretches",
-                ),
             ),
         ),
     ),
@@ -120,7 +100,6 @@ SECTIONS = (
             Exhibit(
                 "Figure 8. Stress of the network and of the laws fitted to it",
                 "figure_8",
-                claims=("initial-fit-under-eq9", "refit-under-eq9", "eq2-run-as-eq10c"),
             ),
             Exhibit("Errors of the laws under Eq. 9", table="section_2_6_errors"),
         ),
@@ -133,12 +112,10 @@ SECTIONS = (
             Exhibit(
                 "The specimen, its constants and its motion",
                 "figure_specimen",
-                claims=("eq9-isochoric", "febio-hgo"),
             ),
             Exhibit(
                 "Figure 9. Maximum shear of the coupled simulation and of the hybrid method",
                 "figure_9",
-                claims=("hgo-locates-peaks", "hgo-initial-bias", "rms-initial", "rms-refit", "refit-direction"),
             ),
             Exhibit("Errors of every law against the coupled simulation", "figure_comparison"),
             Exhibit("The same as a table", table="comparison"),
@@ -152,14 +129,6 @@ SECTIONS = (
             Exhibit(
                 "Table 2. CPU-hours",
                 table="table_2",
-                claims=(
-                    "time-ensemble",
-                    "time-refit",
-                    "time-fe",
-                    "time-multiscale",
-                    "time-total",
-                    "cost-estimate",
-                ),
             ),
             Exhibit("Where the time of the coupled simulation goes", table="table_2_parts"),
         ),
@@ -167,78 +136,6 @@ SECTIONS = (
 )
 
 
-@dataclass(frozen=True)
-class Contradiction:
-    """What the paper says in two ways or takes for granted.
-
-    topic; claims : ids of the statements by which it is settled
-    settled : what follows where the first of them gets this verdict
-    """
-
-    topic: str
-    claims: tuple[str, ...]
-    verdict: str
-    settled: str
-
-
-CONTRADICTIONS = (
-    Contradiction(
-        "Table 1's C2: its sign, the order of its indices, other readings of H",
-        ("table1-c2",),
-        Verdict.CONTRADICTED,
-        "No reading of the printed coefficients gives a modulus that falls with alignment, as section 3.2 says.",
-    ),
-    Contradiction(
-        "Section 3.2 against section 4.1: how C2 and C3 change with alignment",
-        ("c2-trend-discussion", "c2-trend"),
-        Verdict.CONTRADICTED,
-        "Where the trend of C2 is clear it falls with alignment: section 3.2 is right. What C3 does depends on the "
-        "loads and on the range fitted.",
-    ),
-    Contradiction(
-        "xy- and yz-shear (section 2.3) against xy- and xz-shear (sections 2.6 and 3.1)",
-        ("shear-pair",),
-        Verdict.CONTRADICTED,
-        "It matters: constants and quality of the fits differ. Which of the paper's results belong to which pair is "
-        "said in the reason.",
-    ),
-    Contradiction(
-        "The stretches of network 3",
-        ("network3-stretches",),
-        Verdict.CONTRADICTED,
-        "The printed magnitudes do not lead to one averaged stretch, as section 2.3 wants.",
-    ),
-    Contradiction(
-        "Eq. 2 fitted and Eq. 10C run",
-        ("eq2-run-as-eq10c",),
-        Verdict.CONTRADICTED,
-        "They are two laws: with the same constants Eq. 10C stores more energy, and no refit of Eq. 2 can mend that.",
-    ),
-    Contradiction(
-        "One pair of constants a network, whatever the amplitude",
-        ("constants-of-alignment-alone",),
-        Verdict.NOT,
-        "The constants belong to the amplitude up to which they were fitted.",
-    ),
-    Contradiction(
-        "FEBio and the HGO model",
-        ("febio-hgo",),
-        Verdict.NOT,
-        "FEBio has the law, and along Eq. 9 it is nearer to Eq. 2 than the Eq. 10C that was run in its place.",
-    ),
-    Contradiction(
-        "The rows of Figure 3: text against caption",
-        ("figure-3-rows",),
-        Verdict.CONTRADICTED,
-        "Text and caption swap them, and no data decide which is right.",
-    ),
-    Contradiction(
-        "Section 3.1 against section 4.1: families of deformations",
-        ("family-fits", "family-fits-denied"),
-        Verdict.PARTLY,
-        "Each is right of some families and ranges; how many, the reason says.",
-    ),
-)
 # What a verdict means.
 MEANINGS = {
     Verdict.REPRODUCED: "every part of the statement holds here, for most networks where it is about networks",
@@ -287,16 +184,6 @@ TARGETS = {
     "claims": ("all", "every checkable statement of the paper: what came out here, verdict and reason"),
     "all": ("all", "all of this, and the report"),
 }
-
-
-def told() -> tuple[str, ...]:
-    """Ids of all statements in the order in which the report comes to them."""
-    return tuple(
-        id
-        for section in SECTIONS
-        for ids in (section.claims, *(exhibit.claims for exhibit in section.exhibits))
-        for id in ids
-    )
 
 
 def exhibits() -> tuple[Exhibit, ...]:

@@ -7,11 +7,13 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
+from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
-from fibrous_study.report.outline import CONTRADICTIONS, MEANINGS, SECTIONS, WORDS, Section, told
+from fibrous_study.audit.wording import Said
+from fibrous_study.report.outline import MEANINGS, SECTIONS, WORDS, Section
 
 Rows = Sequence[Sequence[str]]
 _WIDTH = re.compile(rb'<svg[^>]*?\swidth="([0-9.]+)pt"')
@@ -27,27 +29,14 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Claim:
-    """A statement of the paper with what came out, as results/claims.csv has it."""
-
-    id: str
-    section: str
-    says: str
-    here: str
-    spread: str
-    verdict: str
-    why: str
-    data: str
-
-
-@dataclass(frozen=True)
 class Report:
     """What the page holds beside the words of its outline.
 
     title, headline : what it is of, and the sentences of the first screen
     figures : SVG by the stage that drew it; captions by the same
     tables : by the names of fibrous_study.report.tables
-    claims : in the order of the paper; verdicts : every verdict there is with the number of statements that got it
+    claims : in the order of the paper; contradictions : that they settle, as in config/paper.yaml
+    verdicts : every verdict there is with the number of statements that got it
     notes : sentences that a reader should know first, such as how the config differs from the default
     provenance : commit, seed, versions, machine and the like; config : as YAML
     """
@@ -58,7 +47,8 @@ class Report:
     figures: Mapping[str, bytes]
     captions: Mapping[str, str]
     tables: Mapping[str, Table]
-    claims: Sequence[Claim]
+    claims: Sequence[Said]
+    contradictions: Sequence[Mapping[str, Any]]
     verdicts: Mapping[str, int]
     provenance: Mapping[str, str]
     config: str
@@ -69,10 +59,8 @@ def report_page(report: Report) -> str:
     return _template("report.html").render(
         report=report,
         sections=[section for section in SECTIONS if _tells(section, report)],
-        contradictions=CONTRADICTIONS,
         meanings=MEANINGS,
         words=WORDS,
-        told=told(),
         style=_style(),
         claims={claim.id: claim for claim in report.claims},
         embedded=_embedded,
@@ -83,9 +71,10 @@ def report_page(report: Report) -> str:
 
 def _tells(section: Section, report: Report) -> bool:
     """Whether the run has made anything that a section shows."""
-    ids = {*section.claims, *(id for exhibit in section.exhibits for id in exhibit.claims)}
-    shown = any(one.stage in report.figures or one.table in report.tables for one in section.exhibits)
-    return shown or any(claim.id in ids for claim in report.claims)
+    judged = {claim.under for claim in report.claims}
+    return any(
+        one.stage in report.figures or one.table in report.tables or one.name in judged for one in section.exhibits
+    )
 
 
 def table_page(title: str, headings: Sequence[str], rows: Rows) -> str:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import pandas as pd
 
 from fibrous.errors import DatasetError
+from fibrous_study.audit.wording import Said, worded
 from fibrous_study.report.headline import headline
 from fibrous_study.report.outline import TARGETS
 
@@ -25,12 +27,15 @@ SHOWN = (
 )
 
 
-def blocks(tables: Mapping[str, pd.DataFrame]) -> dict[str, str]:
-    """Markdown by the name of its mark, from tables by the names of fibrous_study.report.tables."""
+def blocks(tables: Mapping[str, pd.DataFrame], statements: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """Markdown by the name of its mark, from tables by the names of fibrous_study.report.tables.
+
+    `statements` is that section of config/paper.yaml.
+    """
     return {
         "headline": "\n".join(f"- {sentence}" for sentence in headline(tables)),
         "size": _size(tables["stages"]),
-        "statements": _statements(tables["claims"].fillna("")),
+        "statements": _statements(worded(tables["claims"], statements)),
         "targets": _targets(tables["targets"]),
     }
 
@@ -56,10 +61,10 @@ def _size(stages: pd.DataFrame) -> str:
     )
 
 
-def _statements(claims: pd.DataFrame) -> str:
-    rows = claims.set_index("id").loc[list(SHOWN), ["section", "says", "here", "verdict"]]
+def _statements(claims: Sequence[Said]) -> str:
+    by_id = {claim.id: claim for claim in claims}
     lines = ["| section | the paper says | here | verdict |", "|---|---|---|---|"]
-    lines += [f"| {' | '.join(row)} |" for row in rows.itertuples(index=False)]
+    lines += [f"| {one.section} | {one.says} | {one.here} | {one.verdict} |" for one in map(by_id.get, SHOWN) if one]
     return "\n".join(lines)
 
 

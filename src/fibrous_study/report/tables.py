@@ -138,12 +138,15 @@ VIEWS = {
     "claims": View(
         "results/claims.csv",
         {
-            "section": "section",
-            "says": "the paper says",
-            "here": "here",
-            "spread": "over replicates",
+            "claim": "statement",
+            "quantity": "quantity",
+            "load_set": "load set",
+            "value": "value",
+            "unit": "unit",
+            "low": "least over replicates",
+            "high": "largest over replicates",
+            "printed": "printed",
             "verdict": "verdict",
-            "why": "why",
         },
     ),
     "stages": View(

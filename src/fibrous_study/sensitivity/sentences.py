@@ -7,15 +7,15 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from fibrous_study.audit.finding import percent, say
 from fibrous_study.sensitivity.summary import FAILED
+from fibrous_study.words import number, percent
 
 SHEAR, SEEDS = "shear_directions", "seeds"
 # How a quantity is called, and how its numbers are written.
 _QUANTITIES: dict[str, tuple[str, Callable[[float], str]]] = {
-    "C2_MPa": ("C2", lambda value: say(value, unit="MPa")),
-    "C3": ("C3", say),
-    "r_squared": ("R²", say),
+    "C2_MPa": ("C2", lambda value: f"{number(value)} MPa"),
+    "C3": ("C3", number),
+    "r_squared": ("R²", number),
     "stress_error": ("the error of stress", percent),
 }
 _FACTORS = {

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fibrous.comparison import WHOLE, stress_errors
 from fibrous.curves import Curves
-from fibrous.fitting.hgo import fit_constants
-from fibrous.material_point import WHOLE, along_path, stress_errors
+from fibrous.fitting.hgo import fit_hgo
 from fibrous.materials.hgo import HGOStructureTensor
 
 Array = NDArray[np.float64]
@@ -38,14 +38,7 @@ class Trial:
 
 def tried(fitted: Curves, judged: Curves, largest_C3: float, slope_fit_below_r_squared: float) -> Trial:
     """Eq. 2 with the constants that fit the energies of `fitted`, against the network's stress along `judged`."""
-    fit = fit_constants(
-        fitted,
-        "structure_tensor",
-        "energy",
-        tension_only=True,
-        largest_C3=largest_C3,
-        slope_fit_below_r_squared=slope_fit_below_r_squared,
-    )
+    fit = fit_hgo(fitted, largest_C3=largest_C3, slope_fit_below_r_squared=slope_fit_below_r_squared)
     return Trial(
         C2=fit.C2,
         C3=fit.C3,
@@ -68,5 +61,5 @@ def stress_error(C2: float, C3: float, path: Curves) -> float:
     used[0] = False
     if not used.any() or np.isnan(C2):
         return np.nan
-    law = along_path(HGOStructureTensor(C2, C3, path.structure_tensor[0]), path.deformation_gradient[0, 0, used])
-    return stress_errors(law.cauchy_stress, path.cauchy_stress[0, 0, used])[WHOLE].relative_rms_error
+    stress = HGOStructureTensor(C2, C3, path.structure_tensor[0]).stress(path.deformation_gradient[0, 0, used])
+    return stress_errors(stress, path.cauchy_stress[0, 0, used])[WHOLE].relative_rms_error

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from fibrous.comparison import COMPONENTS, stress_errors
 from fibrous.curves import Curves
 from fibrous.errors import DatasetError, naming
-from fibrous.material_point import COMPONENTS, along_path, stress_errors
 from fibrous.materials.affine_fibers import AffineFibers
 from fibrous.materials.contract import Material
-from fibrous.materials.hgo import law_called
+from fibrous.materials.registry import LAWS, law_called
 from fibrous_study import datasets
 from fibrous_study.curve_datasets import read_curves
 from fibrous_study.fit_tables import ALL, SINGLE, TENSOR_COLUMNS, fits_of, structure_tensors
@@ -64,9 +64,10 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     states = [_states(about, path, path.strain_energy_density[0, 0], network)[used]]
     errors: list[dict[str, Any]] = []
     for model in _models(inputs, config, path.loads[0]):
-        response = along_path(model.material, gradients)
-        states.append(_states(model.about, path, response.strain_energy_density, response.cauchy_stress))
-        errors += _errors(model, response.cauchy_stress[compared], network[compared])
+        # The steps as Gauss points of one element, for fibres that belong to an element.
+        stress, energy = model.material.stress(gradients[None])[0], model.material.energy(gradients[None])[0]
+        states.append(_states(model.about, path, energy, stress))
+        errors += _errors(model, stress[compared], network[compared])
     datasets.write_table(pd.concat(states, ignore_index=True), outputs["stresses"], params)
     datasets.write_table(pd.DataFrame(errors), outputs["errors"], params)
 
@@ -91,7 +92,7 @@ def _models(inputs: Mapping[str, list[Path]], config: Mapping[str, Any], deforma
     groups = {INITIAL: (config["load_set"], ALL), REFIT: (SINGLE, deformation)}
     fits = dict(zip(groups, inputs["fits"], strict=True))
     for entry in config["models"]:
-        if entry["law"] == "affine":
+        if LAWS[entry["law"]].has_networks:
             about = {"model": entry["name"], **NOTHING, "law": entry["law"]}
             network = member_called(inputs["networks"][0], config["network"]).network
             yield _Model(about, AffineFibers.of_networks([network]), np.nan)
@@ -119,7 +120,7 @@ def _row(
 def _fitted(row: pd.DataFrame, entry: Mapping[str, Any], constants: str, tension_only: bool) -> _Model:
     fit = row.to_dict("records")[0]
     C2, C3 = fit["C2_MPa"], fit["C3"]
-    material = law_called(entry["law"]).of_structure_tensor(structure_tensors(row)[0], C2, C3, tension_only)
+    material = law_called(entry["law"]).material.of_structure_tensor(structure_tensors(row)[0], C2, C3, tension_only)
     about = {"model": entry["name"], "constants": constants, "law": entry["law"], "energy": entry["energy"]}
     return _Model({**about, "objective": fit["objective"], "C2_MPa": C2, "C3": C3}, material, fit["r_squared"])
 

@@ -2,7 +2,7 @@
 
 Under one protocol, for each load set and each load alone.
 
-A form is a law and what of it is fitted, `{"energy": …, "objective": …}` (see fibrous.fitting.hgo.fit_constants).
+A form is a law and what of it is fitted, `{"energy": …, "objective": …}` (see fibrous.fitting.hgo.fit_hgo).
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ import pandas as pd
 
 from fibrous.curves import Curves
 from fibrous.errors import ConfigError, DatasetError
-from fibrous.fitting.hgo import HGOFit, fit_constants
+from fibrous.fitting.hgo import HGOFit, fit_hgo
+from fibrous.materials.registry import law_called
 from fibrous_study import datasets
 from fibrous_study.curve_datasets import read_curves
 from fibrous_study.fit_tables import ALL, SINGLE, TENSOR_COLUMNS
@@ -85,9 +86,10 @@ def _rows(
     alignment = {column: float(network.structure_tensor[0][index]) for column, index in TENSOR_COLUMNS.items()}
     rows = []
     for form in forms:
+        law = law_called(form["energy"]).material
         for (load_set, deformation, _), curve in zip(groups, curves, strict=True):
             start = time.process_time()
-            fit = fit_constants(curve, form["energy"], form["objective"], **options)
+            fit = fit_hgo(curve, law, form["objective"], **options)
             key = fits_key(form, load_set)
             seconds[key] = seconds.get(key, 0.0) + time.process_time() - start
             about = {"network": number, "load_set": load_set, "deformation": deformation, "energy": form["energy"]}

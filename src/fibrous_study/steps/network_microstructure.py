@@ -13,6 +13,7 @@ import xarray as xr
 from fibrous.deformation import loads
 from fibrous.errors import DatasetError, naming
 from fibrous.materials.neo_hookean import NeoHookean
+from fibrous.materials.registry import LAWS
 from fibrous.microstructure import stress_difference
 from fibrous.networks.guard import Limits
 from fibrous.networks.network import Network
@@ -45,7 +46,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     states.attrs.update(run=config["run"], element=element, network=number, law=law, origin=tissue.attrs["origin"])
     converged = states["converged"].values
     print(f"network {number}: {converged.sum()} of {converged.size} states converged", file=sys.stderr)
-    if law == "network":
+    if LAWS[law].is_solved:
         matrix = NeoHookean(tissue.attrs["C1_MPa"], tissue.attrs["lame_lambda_MPa"])
         difference = stress_difference(
             states["cauchy_stress"].values[:-1, 1:],

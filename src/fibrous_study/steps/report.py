@@ -11,8 +11,9 @@ import pandas as pd
 
 from fibrous.errors import DatasetError
 from fibrous_study import datasets
+from fibrous_study.audit.wording import worded
 from fibrous_study.report.headline import counted, headline
-from fibrous_study.report.page import Claim, Report, Table, report_page
+from fibrous_study.report.page import Report, Table, report_page
 from fibrous_study.report.tables import VIEWS, shown
 
 TITLE = "Fibre networks and the laws fitted to them"
@@ -30,7 +31,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     figures = dict(zip(drawn, (_svg(path) for path in inputs["figures"]), strict=True))
     paths = dict(zip(config["tables"], inputs["tables"], strict=True))
     tables = {name: datasets.read_table(path, VIEWS[name].needed) for name, path in paths.items()}
-    claims = tables.get("claims", pd.DataFrame(columns=["verdict"])).fillna("")
+    claims = tables.get("claims", pd.DataFrame(columns=VIEWS["claims"].needed))
     page = report_page(
         Report(
             title=TITLE,
@@ -39,7 +40,8 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
             figures=figures,
             captions={figure["stage"]: figure["caption"] for figure in config["figures"]},
             tables={name: Table(*shown(table, VIEWS[name]), VIEWS[name].path) for name, table in tables.items()},
-            claims=[Claim(**{str(name): cell for name, cell in row.items()}) for row in claims.to_dict("records")],
+            claims=worded(claims, config["paper"]["statements"]),
+            contradictions=config["paper"]["contradictions"],
             verdicts=counted(claims),
             provenance=_provenance(tables["stages"], config["commit"], config["seed"]),
             config=config["study"],

@@ -9,9 +9,9 @@ from typing import Any
 import pandas as pd
 
 from fibrous_study import datasets
-from fibrous_study.evidence import spoken
 from fibrous_study.sensitivity.sentences import sentences
 from fibrous_study.sensitivity.summary import TRIAL_COLUMNS, completed, summary
+from fibrous_study.words import spoken
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:

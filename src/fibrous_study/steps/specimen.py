@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fibrous.io.meshes import read_specimen
-from fibrous.specimen import FiberField, RigidMotion, Slab, Specimen, synthetic_specimen
+from fibrous.specimen import FiberField, RigidMotion, Slab, Specimen
 from fibrous_study import datasets
 
 
@@ -20,7 +20,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     """
     config = params["config"]
     specimen = (
-        read_specimen(config["specimen_files"])
+        read_specimen(**config["specimen_files"])
         if "specimen_files" in config
         else _synthetic(config["synthetic_specimen"], config["seed"])
     )
@@ -47,7 +47,7 @@ def _synthetic(numbers: Mapping[str, Any], seed: int) -> Specimen:
     angles = _of(numbers, "lowest_row_degrees", "deviation_degrees", "tilt_degrees", "correlation_length_mm")
     fibers = FiberField(seed, **angles, H11=(least, largest), in_plane_share=(thin, wide))
     motion = RigidMotion(**_of(numbers, "gap_mm", "slide_mm", "rotation_degrees"))
-    return synthetic_specimen(slab, fibers, motion, numbers["load_steps"])
+    return slab.specimen(numbers["load_steps"], fibers, motion)
 
 
 def _of(numbers: Mapping[str, Any], *names: str) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from fibrous.fitting.surface import (
     indices_swapped,
     summary,
 )
-from fibrous_study import datasets, printed
+from fibrous_study import datasets
 
 COLUMNS = (
     "network", "load_set", "deformation", "energy", "H11", "H22", "H33", "lambda_f_max", "C2_MPa", "C3",
@@ -54,7 +54,8 @@ class _Result:
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
     """Read `fits`, one table a protocol, named after it; write `table_1`, `surface` and `surface_over_triangle`.
 
-    The config holds `surface` and `delaunay`, whose H11 and smallest_H bound the fitted region. Raises ConfigError
+    The config holds `surface`, `delaunay`, whose H11 and smallest_H bound the fitted region, and Table 1 and Fig. 6's
+    alignments as printed (`paper`). Raises ConfigError
     without a table, DatasetError where one is no table of fits, FitError where its networks are too few.
     """
     config = params["config"]
@@ -63,8 +64,10 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     folds = config["surface"]["cross_validation_folds"]
     results = [result for path in inputs["fits"] for result in _results(Path(path), folds)]
     datasets.write(_dataset(results), outputs["surface"], "surface", params)
-    datasets.write_table(_table_1(results), outputs["table_1"], params)
-    datasets.write_table(_triangle(results, config["delaunay"]), outputs["surface_over_triangle"], params)
+    datasets.write_table(_table_1(results, config["paper"]["table_1"]), outputs["table_1"], params)
+    datasets.write_table(
+        _triangle(results, config["delaunay"], config["paper"]), outputs["surface_over_triangle"], params
+    )
 
 
 def _results(path: Path, folds: int) -> list[_Result]:
@@ -127,7 +130,7 @@ def _dataset(results: list[_Result]) -> xr.Dataset:
     return datasets.packed(arrays, datasets.SURFACE, coords)
 
 
-def _table_1(results: list[_Result]) -> pd.DataFrame:
+def _table_1(results: list[_Result], printed: Mapping[str, Any]) -> pd.DataFrame:
     """One row a protocol, load set and term ij: ours, the paper's, and the goodness of fit of the whole surface."""
     rows = []
     for result in results:
@@ -142,46 +145,47 @@ def _table_1(results: list[_Result]) -> pd.DataFrame:
                     "ij": label,
                     "alpha_MPa": C2.coefficient[term],
                     "alpha_half_width_MPa": C2.half_width[term],
-                    "alpha_paper_MPa": printed.C2_MPA[term],
-                    "alpha_paper_half_width_MPa": printed.C2_HALF_WIDTH_MPA[term],
+                    "alpha_paper_MPa": printed["C2"][term],
+                    "alpha_paper_half_width_MPa": printed["C2_half_width"][term],
                     "beta_nine_terms": C3.coefficient[term],
                     "beta_nine_terms_half_width": C3.half_width[term],
                     "beta_eight_terms": eight.coefficient[term],
                     "beta_eight_terms_half_width": eight.half_width[term],
-                    "beta_paper": printed.C3[term],
-                    "beta_paper_half_width": printed.C3_HALF_WIDTH[term],
+                    "beta_paper": printed["C3"][term],
+                    "beta_paper_half_width": printed["C3_half_width"][term],
                     "C2_r_squared": C2.r_squared,
                     "C2_cross_validated_r_squared": C2.cross_validated_r_squared,
-                    "C2_r_squared_paper": printed.C2_R_SQUARED,
+                    "C2_r_squared_paper": printed["C2_r_squared"],
                     "C3_nine_terms_r_squared": C3.r_squared,
                     "C3_nine_terms_cross_validated_r_squared": C3.cross_validated_r_squared,
                     "C3_eight_terms_r_squared": eight.r_squared,
                     "C3_eight_terms_cross_validated_r_squared": eight.cross_validated_r_squared,
-                    "C3_r_squared_paper": printed.C3_R_SQUARED,
+                    "C3_r_squared_paper": printed["C3_r_squared"],
                 }
             )
     return pd.DataFrame(rows)
 
 
-def _triangle(results: list[_Result], delaunay: Mapping[str, Any]) -> pd.DataFrame:
+def _triangle(results: list[_Result], delaunay: Mapping[str, Any], paper: Mapping[str, Any]) -> pd.DataFrame:
     """Sign and extremes of C2 and C3 over the fitted region and the whole triangle, and their values at networks."""
     least_H11, largest_H11 = delaunay["H11"]
     fitted = Region(least_H11, largest_H11, delaunay["smallest_H"])
+    printed = paper["table_1"]
     regions = {"fitted_region": fitted, "whole_triangle": TRIANGLE}
-    paper = {"protocol": "", "load_set": "", "lambda_f_max_least": np.nan, "lambda_f_max_largest": np.nan}
+    unfitted = {"protocol": "", "load_set": "", "lambda_f_max_least": np.nan, "lambda_f_max_largest": np.nan}
 
     sources: list[tuple[dict[str, Any], Any, Any]] = []
     for result in results:
         for name, terms in (("C3", "nine_terms"), ("C3_eight", "eight_terms")):
             heading = {"surface": f"this_study_C3_{terms}", **_origin(result)}
             sources.append((heading, result.surfaces["C2"].coefficient, result.surfaces[name].coefficient))
-    sources.append(({"surface": "table_1_as_printed", **paper}, printed.C2_MPA, printed.C3))
-    swapped = indices_swapped(printed.C2_MPA), indices_swapped(printed.C3)
-    sources.append(({"surface": "table_1_indices_swapped", **paper}, *swapped))
+    sources.append(({"surface": "table_1_as_printed", **unfitted}, printed["C2"], printed["C3"]))
+    swapped = indices_swapped(printed["C2"]), indices_swapped(printed["C3"])
+    sources.append(({"surface": "table_1_indices_swapped", **unfitted}, *swapped))
 
     rows = []
     for heading, C2, C3 in sources:
-        for over, (H11, H22) in printed.ALIGNMENTS.items():
+        for over, (H11, H22) in paper["alignments"].items():
             at = {"C2_MPa": float(evaluate(C2, H11, H22)), "C3": float(evaluate(C3, H11, H22))}
             rows.append({**heading, "over": over, "H11": H11, "H22": H22, **at})
         for over, region in regions.items():

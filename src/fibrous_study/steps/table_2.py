@@ -14,8 +14,6 @@ from fibrous_study import datasets
 from fibrous_study.fit_tables import SINGLE
 from fibrous_study.steps.hgo_fits import fits_key
 
-# Table 2 as printed, CPU-hours.
-PRINTED = {"initial": 1.12, "refit": 0.34, "hybrid": 0.02, "hybrid_total": 1.48, "multiscale": 2622.69}
 TASKS = {
     "initial": "initial simulation of the elements' networks under the loads of one load set, and fit of one law",
     "refit": "simulation of the networks along their elements' deformation, and fit of one law",
@@ -34,10 +32,11 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
 
     The inputs are `networks`, `initial`, `refit`, `hybrid` and `multiscale`. The config names the `reference` run, the
     `model` whose fits count with its `load_set`, and the `loads_used`, the fraction of the initial loads that belong to
-    that set. The job that drives the networks as all refitted runs went counts whole: in lanes of its own each, the one
-    run that the method needs costs as much. Raises DatasetError for an unreadable file.
+    that set; `paper` is Table 2 as printed. The job that drives the networks as all refitted runs went counts whole: in
+    lanes of its own each, the one run that the method needs costs as much. Raises DatasetError for an unreadable file.
     """
     config = params["config"]
+    printed = config["paper"]
     found = {name: [datasets.provenance_of(path) for path in paths] for name, paths in inputs.items()}
     hours = {name: sum(float(one["cpu_seconds"]) for one in files) / 3600.0 for name, files in found.items()}
     wanted = {name: fits_key(config["model"], group) for name, group in _groups(config).items()}
@@ -55,16 +54,16 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     for name, task in TASKS.items():
         # With lagged constants there are no files of refits: the run has fitted by itself.
         task, spent = (task, hours[name]) if found[name] else (f"{task}{IN_THE_RUN}", np.nan)
-        rows.append(_row("hybrid", runs, task, PRINTED[name] if found["refit"] else np.nan, spent, found[name]))
+        rows.append(_row("hybrid", runs, task, printed[name] if found["refit"] else np.nan, spent, found[name]))
     every = [one for name in TASKS for one in found[name]]
-    rows.append(_row("hybrid", runs, "total", PRINTED["hybrid_total"], hybrid, every))
+    rows.append(_row("hybrid", runs, "total", printed["hybrid_total"], hybrid, every))
     rows.append(_row("beyond", runs, BEYOND, np.nan, sum(beyond.values()) / 3600.0, found["initial"] + found["refit"]))
     for path, one in zip(inputs["multiscale"], found["multiscale"], strict=True):
         # What the paper ran, all load steps, is the reference alone.
-        paper = PRINTED["multiscale"] if path.stem == config["reference"] else np.nan
+        paper = printed["multiscale"] if path.stem == config["reference"] else np.nan
         spent = one["cpu_seconds"] / 3600.0
         row = _row("multiscale", path.stem, MULTISCALE, paper, spent, [one])
-        rows.append({**row, "times_hybrid": spent / hybrid, "times_hybrid_paper": paper / PRINTED["hybrid_total"]})
+        rows.append({**row, "times_hybrid": spent / hybrid, "times_hybrid_paper": paper / printed["hybrid_total"]})
     table = pd.DataFrame(rows)
     table.insert(0, "specimen", specimen)
     parts = pd.DataFrame(_parts(inputs["multiscale"], found["multiscale"]))

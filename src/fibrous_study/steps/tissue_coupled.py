@@ -9,21 +9,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from fibrous.clock import Clock
 from fibrous.errors import ConfigError
-from fibrous.fe.solver import LoadStepError, LoadStepper, Record, Walk
-from fibrous.materials.mixture import Mixture
-from fibrous.materials.neo_hookean import NeoHookean
+from fibrous.fe.solver import LoadStepError, LoadStepper, Walk
 from fibrous.materials.network import FiberNetworks, NetworkState
 from fibrous.networks.guard import Limits
 from fibrous.specimen import Specimen
+from fibrous.tissue import Solution
 from fibrous_study.checkpoint import Checkpoint
 from fibrous_study.loading import networks_of
 from fibrous_study.progress import Progress
 from fibrous_study.provenance import cpu_seconds
-from fibrous_study.solutions import read_specimen, say, tissue_dataset, write_tissue
+from fibrous_study.solutions import matrix_of, read_specimen, say, tissue_dataset, write_tissue
 
 COUNTS = {"network_iterations": "iterations", "network_cuts": "cuts", "indefinite_hessians": "indefinite"}
 
@@ -37,23 +35,23 @@ LEAST_WORK = 60.0
 class _Kept:
     """What a killed run goes on with: its walk, sums over all networks at each step, shape (steps, 3), CPU time."""
 
-    record: Record
+    walk: Walk
     counts: np.ndarray
     seconds: dict[str, float]
     cpu_seconds: float
 
     @property
     def arrays(self) -> list[np.ndarray]:
-        return [*self.record.arrays, self.counts]
+        return [*self.walk.arrays, self.counts]
 
     @property
     def notes(self) -> dict[str, Any]:
-        return {"record": self.record.notes, "seconds": self.seconds, "cpu_seconds": self.cpu_seconds}
+        return {"walk": self.walk.notes, "seconds": self.seconds, "cpu_seconds": self.cpu_seconds}
 
     def take(self, notes: Any) -> None:
         seconds = {str(part): float(spent) for part, spent in notes["seconds"].items()}
         spent = float(notes["cpu_seconds"])
-        self.record.take(notes["record"])
+        self.walk.take(notes["walk"])
         self.seconds, self.cpu_seconds = seconds, spent
 
 
@@ -71,20 +69,20 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     stepper, tensor = _stepper(inputs["networks"], specimen, numbers, config, params.get("threads", 1), clock)
     checkpoint, progress = Checkpoint(outputs["tissue"], params), Progress(config["run"], params.get("terminal"))
     walk = Walk(stepper, targets, watch=progress)
-    kept = _Kept(walk.record, np.zeros((len(targets), len(COUNTS)), dtype=np.int64), {}, 0.0)
+    kept = _Kept(walk, np.zeros((len(targets), len(COUNTS)), dtype=np.int64), {}, 0.0)
     if checkpoint.read(kept.arrays, kept.take):
         progress.goes_on(walk)
         for part, seconds in kept.seconds.items():
             clock.seconds[part] += seconds
     spent, failure = kept.cpu_seconds, None
     written, cost = -np.inf, 0.0
-    progress.network_iterations = _sums(walk.record)[0]
+    progress.network_iterations = _sums(walk)[0]
     try:
         while not walk.is_over:
-            before, step = _sums(walk.record), walk.record.step
+            before, step = _sums(walk), walk.step
             walk.advance()
-            kept.counts[step] = _sums(walk.record) - before
-            progress.network_iterations = _sums(walk.record)[0]
+            kept.counts[step] = _sums(walk) - before
+            progress.network_iterations = _sums(walk)[0]
             kept.seconds, kept.cpu_seconds = dict(clock.seconds), spent + cpu_seconds()
             if not walk.is_over and time.monotonic() - written >= LEAST_WORK * cost:
                 start = time.monotonic()
@@ -93,10 +91,13 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
                 cost = written - start
     except LoadStepError as error:
         failure = error
-    say(tuple(walk.record.attempts))
+    say(tuple(walk.attempts))
     params = {**params, "cpu_seconds_before": spent}
-    dataset = _dataset(specimen, walk, kept, tensor, config, clock)
-    write_tissue(specimen, dataset, failure, outputs, params)
+    solution = Solution.of(specimen, walk.solution)
+    nothing = np.full((len(targets), len(tensor)), np.nan)
+    counts = dict(zip(COUNTS, kept.counts.T, strict=True))
+    dataset = tissue_dataset(solution, nothing, nothing, tensor, config["matrix"], clock, counts)
+    write_tissue(solution, dataset, failure, outputs, params)
     checkpoint.remove()
 
 
@@ -110,11 +111,8 @@ def _stepper(
 ) -> tuple[LoadStepper, np.ndarray]:
     """The finite elements with networks, and H of the elements' networks, shape (elements, 3, 3)."""
     networks = networks_of(paths, numbers.tolist())
-    fibers = FiberNetworks.of(networks, threads, Limits(**config["equilibrium"]), clock)
-    matrix = NeoHookean(config["matrix"]["C1_MPa"], config["matrix"]["lame_lambda_MPa"])
-    stepper = LoadStepper.of(
-        specimen.mesh, Mixture((matrix, fibers)), specimen.prescribed, config["linear_solver"], clock=clock
-    )
+    material = matrix_of(config) + FiberNetworks.of(networks, threads, Limits(**config["equilibrium"]), clock)
+    stepper = LoadStepper.of(specimen.mesh, material, specimen.prescribed, config["linear_solver"], clock=clock)
     return stepper, np.array([network.structure_tensor for network in networks])
 
 
@@ -129,15 +127,7 @@ def _targets(specimen: Specimen, config: Mapping[str, Any]) -> np.ndarray:
     return values[len(values) // wanted - 1 :: len(values) // wanted]
 
 
-def _sums(record: Record) -> np.ndarray:
+def _sums(walk: Walk) -> np.ndarray:
     """Newton iterations, cuts and indefinite Hessians of all networks since rest, shape (3,)."""
-    networks: list[NetworkState] = [fibers for _, fibers in record.here.states]
+    networks: list[NetworkState] = [fibers for _, fibers in walk.here.states]
     return np.array([sum(getattr(state, name).sum() for state in networks) for name in COUNTS.values()])
-
-
-def _dataset(
-    specimen: Specimen, walk: Walk, kept: _Kept, tensor: np.ndarray, config: Mapping[str, Any], clock: Clock
-) -> xr.Dataset:
-    nothing = np.full((len(walk.targets), len(tensor)), np.nan)
-    counts = dict(zip(COUNTS, kept.counts.T, strict=True))
-    return tissue_dataset(specimen, walk.solution, nothing, nothing, tensor, config["matrix"], clock, counts)

@@ -11,9 +11,11 @@ import numpy as np
 
 from fibrous.clock import Clock
 from fibrous.fe.solver import LoadStepper
-from fibrous.fitting.hgo import fit_constants
+from fibrous.fitting.hgo import fit_hgo
 from fibrous.hybrid import LaggedRefit, LaggedStepError
+from fibrous.materials.registry import law_called
 from fibrous.networks.guard import Limits
+from fibrous.tissue import Solution
 from fibrous_study.loading import networks_of
 from fibrous_study.solutions import (
     Constants,
@@ -45,10 +47,10 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     refit = LaggedRefit(
         stepper_of,
         networks_of(inputs["networks"], numbers.tolist()),
-        lambda curves: fit_constants(
+        lambda curves: fit_hgo(
             curves,
-            energy=model["energy"],
-            objective=model["objective"],
+            law_called(model["energy"]).material,
+            model["objective"],
             tension_only=config["tension_only"],
             **config["fit"],
         ),
@@ -66,5 +68,6 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
         )
     for C2, C3 in found.last_changes:
         print(f"last step again: C2 changed by up to {C2:.3g} MPa, C3 by up to {C3:.3g}", file=sys.stderr)
-    dataset = tissue_dataset(specimen, found.solution, found.C2, found.C3, initial.structure_tensor, matrix, clock)
-    write_tissue(specimen, dataset, failure, outputs, params)
+    solution = Solution.of(specimen, found.solution)
+    dataset = tissue_dataset(solution, found.C2, found.C3, initial.structure_tensor, matrix, clock)
+    write_tissue(solution, dataset, failure, outputs, params)

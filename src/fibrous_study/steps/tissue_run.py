@@ -10,9 +10,10 @@ import numpy as np
 
 from fibrous.clock import Clock
 from fibrous.errors import ConfigError, naming
-from fibrous.fe.solver import LoadStepError, LoadStepper
-from fibrous.materials.affine_fibers import AffineFibers
+from fibrous.fe.solver import LoadStepError
+from fibrous.materials.registry import LAWS
 from fibrous.specimen import Specimen
+from fibrous.tissue import Solution, solve
 from fibrous_study import datasets
 from fibrous_study.loading import networks_of
 from fibrous_study.prediction import Predictor
@@ -36,24 +37,23 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     config = params["config"]
     specimen, networks = read_specimen(inputs["specimen"][0])
     constants = _constants(inputs, config, specimen, networks)
+    law = LAWS[config["model"]["law"]]
     fibers = None
-    if config["model"]["law"] == "affine":
-        fibers = AffineFibers.of_networks(networks_of(inputs["networks"], networks.tolist()))
+    if law.has_networks:
+        fibers = law.material.of_networks(networks_of(inputs["networks"], networks.tolist()))
     clock = Clock()
     with naming(f"model {config['run']}"):
         material = tissue_material(config, constants, clock, fibers)
-        solver = config["linear_solver"]
-        stepper = LoadStepper.of(specimen.mesh, material, specimen.prescribed, solver, clock=clock)
     failure = None
     try:
-        solution = stepper.follow(specimen.prescribed.values)
+        solution = solve(specimen, material, config["linear_solver"], clock=clock)
     except LoadStepError as error:
-        solution, failure = error.solution, error
+        solution, failure = Solution.of(specimen, error.solution), error
     say(solution.attempts)
     steps = len(solution.converged)
     C2, C3 = (np.tile(values, (steps, 1)) for values in (constants.C2, constants.C3))
-    dataset = tissue_dataset(specimen, solution, C2, C3, constants.structure_tensor, config["matrix"], clock)
-    write_tissue(specimen, dataset, failure, outputs, params)
+    dataset = tissue_dataset(solution, C2, C3, constants.structure_tensor, config["matrix"], clock)
+    write_tissue(solution, dataset, failure, outputs, params)
 
 
 def _constants(
@@ -71,11 +71,11 @@ def _constants(
             predictor = Predictor.of(dataset, config["surface_protocol"], config["load_set"])
             # The surface speaks of principal axes; a polynomial through scattered constants may dip below zero.
             eigenvalues = np.linalg.eigvalsh(specimen.structure_tensor)[:, ::-1]
-            found = []
+            predictions = []
             for element, values in enumerate(eigenvalues):
                 with naming(f"element {element}"):
-                    found.append(predictor.at(np.diag(values)))
-            C2, C3 = (np.maximum([getattr(one, name) for one in found], 0.0) for name in ("C2_MPa", "C3"))
+                    predictions.append(predictor.at(np.diag(values)))
+            C2, C3 = (np.maximum([getattr(of, name) for of in predictions], 0.0) for name in ("C2_MPa", "C3"))
             return Constants(C2, C3, specimen.structure_tensor)
         case unknown:
             raise ConfigError(f"constants is '{unknown}', must be fit or surface")

@@ -10,8 +10,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from fibrous.deformation import largest_principal_stretch
-from fibrous.fe.fields import maximum_shear
+from fibrous.deformation import element_shear, largest_principal_stretch
 from fibrous.specimen import MOVED
 from fibrous_study import datasets
 
@@ -83,7 +82,7 @@ def _stretch(gradient: np.ndarray) -> np.ndarray:
 
 def _shear(state: xr.Dataset) -> np.ndarray:
     """Maximum shear stress at the last step, mean over the Gauss points of each element."""
-    return maximum_shear(state["cauchy_stress"].values[-1]).mean(axis=-1)
+    return element_shear(state["cauchy_stress"].values[-1])
 
 
 def _rms(values: np.ndarray) -> float:
