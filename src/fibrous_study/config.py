@@ -145,10 +145,12 @@ def _problems(error: ValidationError) -> Iterator[str]:
                 yield path + line if line[0] in " [" else f"{path}.{line}".lstrip(".")
         elif kind == "missing":
             yield f"{path} is missing"
-        elif kind == "extra_forbidden":
-            known = schema_at(location[:-1])["properties"]
-            near = difflib.get_close_matches(str(location[-1]), known, n=1)
-            yield f"{path} is unknown, " + (f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}")
+        elif kind in ("extra_forbidden", "invalid_key"):
+            key, known = str(location[-1]), schema_at(location[:-1])["properties"]
+            near = difflib.get_close_matches(key, known, n=1)
+            yield f"{key_path((*location[:-1], key))} is unknown, " + (
+                f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+            )
         elif kind == "literal_error":
             yield f"{path} is {_shown(value)}, must be {context['expected']}"
         elif kind in ("too_short", "too_long"):
@@ -197,4 +199,4 @@ def _shown(value: Any) -> str:
         return f"the text '{' '.join(value.split())[:60]}'"
     if isinstance(value, dict | list):
         return "a mapping" if isinstance(value, dict) else "a list"
-    return json.dumps(value) if isinstance(value, bool | None) else str(value)
+    return json.dumps(value) if isinstance(value, bool | None) else str(value)[:60]

@@ -585,7 +585,7 @@ class Study(Section):
 def _unknown(path: str, names: list[str], known: Collection[str]) -> Iterator[str]:
     for name in names:
         if name not in known:
-            yield f"{path} is {name}, must be one of {', '.join(known)}"
+            yield f"{path} is {name}, must be one of {', '.join(known) or '(none)'}"
 
 
 def _missing_file(path: str, file: str) -> Iterator[str]:

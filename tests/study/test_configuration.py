@@ -159,6 +159,7 @@ def test_a_missing_key_is_named(path):
     [
         ({"sede": 1}, "sede is unknown, did you mean seed?"),
         ({"fiber": {"raduis_um": 1}}, "fiber.raduis_um is unknown, did you mean radius_um?"),
+        ({"fit": {3: 1}}, "fit.3 is unknown, known are largest_C3, slope_fit_below_r_squared"),
         ({"surface": {"zzz": 1}}, "surface.zzz is unknown, known are cross_validation_folds"),
         ({"fiber": {"radius_um": -1}}, "fiber.radius_um is -1, must be greater than 0 µm"),
         ({"fiber": {"radius_um": "1e-1"}}, "fiber.radius_um is the text '1e-1', must be a number; write 0.1"),
