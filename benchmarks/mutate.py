@@ -1138,8 +1138,8 @@ MUTATIONS = [
     Mutation(
         "nodes of the deformed specimen",
         "fibrous_study/figures/deformed.py",
-        'specimen["node_position"].values + last["displacement"].values',
-        'specimen["node_position"].values - last["displacement"].values',
+        'specimen["node_position"].values + fields.displacement',
+        'specimen["node_position"].values - fields.displacement',
         "study/test_tissue_figures.py",
     ),
     Mutation(
@@ -1215,15 +1215,15 @@ MUTATIONS = [
     Mutation(
         "displacement that a refit changed",
         "fibrous_study/steps/tissue_table.py",
-        'last["displacement"].values - first["displacement"].values',
-        'last["displacement"].values + first["displacement"].values',
+        "moved.displacement - start.displacement",
+        "moved.displacement + start.displacement",
         "study/test_tissue_outputs.py",
     ),
     Mutation(
         "stress that a refit changed",
         "fibrous_study/steps/tissue_table.py",
-        "_shear(state) - _shear(before)",
-        "_shear(state) + _shear(before)",
+        "moved.shear_stress - start.shear_stress",
+        "moved.shear_stress + start.shear_stress",
         "study/test_tissue_outputs.py",
     ),
     Mutation(
@@ -1257,8 +1257,8 @@ MUTATIONS = [
     Mutation(
         "amplitude of another protocol's first load",
         "fibrous_study/variants.py",
-        'plan.protocol(config, config["roles"]["large"])["loads"][0], "magnitude"',
-        'plan.protocol(config, config["roles"]["large"])["loads"][-1], "magnitude"',
+        'protocol["loads"][0], "magnitude"',
+        'protocol["loads"][-1], "magnitude"',
         "study/test_sensitivity.py",
     ),
     Mutation(
@@ -1270,23 +1270,23 @@ MUTATIONS = [
     ),
     Mutation(
         "how far medians move",
-        "fibrous_study/sensitivity/sentences.py",
-        "self.medians.max(axis=1) - self.medians.min(axis=1)",
-        "self.medians.max(axis=1) + self.medians.min(axis=1)",
+        "fibrous_study/sensitivity/summary.py",
+        "medians.max(axis=1) - medians.min(axis=1)",
+        "medians.max(axis=1) + medians.min(axis=1)",
         "study/test_sensitivity.py",
     ),
     Mutation(
         "a move beyond the seeds",
-        "fibrous_study/sensitivity/sentences.py",
-        "self.size > self.largest - self.least",
-        "self.size < self.largest - self.least",
+        "fibrous_study/sensitivity/summary.py",
+        "size > spread",
+        "size < spread",
         "study/test_sensitivity.py",
     ),
     Mutation(
         "error maps",
         "fibrous_study/figures/figure_9.py",
-        "one.elements[name] - reference.elements[name]",
-        "reference.elements[name] - one.elements[name]",
+        "run.elements[name] - runs[0].elements[name]",
+        "runs[0].elements[name] - run.elements[name]",
         "study/test_comparison_figures.py",
     ),
     Mutation(

@@ -14,8 +14,12 @@ from fibrous.curves import Curves
 from fibrous.deformation import Load, averaged_stretch, load_path, matching_magnitude
 from fibrous.fitting.hgo import strain_energy
 from fibrous.fitting.surface import LABELS, evaluate
+from fibrous.networks import network
+from fibrous.networks.fiber_law import Fiber
+from fibrous.networks.network import Network
 from fibrous_study import curve_datasets
-from fibrous_study.datasets import ATTRIBUTES, NETWORKS, STATES, SURFACE, packed, read, write, write_table
+from fibrous_study.datasets import NETWORKS, packed, read, write, write_table
+from fibrous_study.schema import KINDS, TABLES
 
 LOADS = ("x_uniaxial", "xy_biaxial", "xz_biaxial", "xy_shear", "xz_shear", "yz_shear")
 LOAD_SETS = [
@@ -39,9 +43,7 @@ LOST_LOAD = "xz_shear"
 
 
 def params(figure: int | str, **config: Any) -> dict[str, Any]:
-    name = figure if isinstance(figure, str) else f"figure_{figure}"
-    stage = f"fibrous_study.figures.figure_{name.removeprefix('figure_')}"
-    return {"stage": stage, "config": config, "code_hash": "0" * 16}
+    return {"stage": f"fibrous_study.figures.figure_{figure}", "config": config, "code_hash": "0" * 16}
 
 
 def structure_tensors() -> np.ndarray:
@@ -53,22 +55,17 @@ def constants(H11: np.ndarray, H22: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def write_networks(path: Path, points: int) -> None:
-    positions, boundary, fibers = [], [], []
+    networks = []
     for number, tensor in enumerate(structure_tensors()):
         cloud = np.random.default_rng(number).uniform(-0.5, 0.5, (points, 3))
         shape = np.sqrt(np.diag(tensor) * 3.0)
         simplices = Delaunay(cloud / shape).simplices
         pairs = np.sort(np.vstack([simplices[:, [a, b]] for a in range(4) for b in range(a)]), axis=1)
-        positions.append(cloud)
-        boundary.append(np.abs(cloud).max(axis=1) > 0.42)
-        fibers.append(np.unique(pairs, axis=0))
+        near_a_face = np.abs(cloud).max(axis=1) > 0.42
+        fiber = Fiber(modulus_MPa=10.0, nonlinearity=2.5, radius_um=0.1)
+        networks.append(Network(cloud, near_a_face, np.unique(pairs, axis=0), fiber=fiber, edge_um=20.0))
     count = len(NAMED)
     arrays = {
-        "node_count": np.array([len(p) for p in positions]),
-        "fiber_count": np.array([len(f) for f in fibers]),
-        "node_position": np.vstack(positions),
-        "node_is_boundary": np.concatenate(boundary),
-        "fiber_nodes": np.vstack(fibers),
         "structure_tensor": structure_tensors(),
         "target_structure_tensor": structure_tensors(),
         "volume_fraction": np.full(count, 0.04),
@@ -76,8 +73,7 @@ def write_networks(path: Path, points: int) -> None:
         "seed": np.arange(count),
         "name": np.array(list(NAMED)),
     }
-    constants = dict.fromkeys(ATTRIBUTES["networks"], 1.0)
-    dataset = packed(arrays, NETWORKS, {"network": np.arange(count)}).assign_attrs(constants)
+    dataset = network.packed(networks).assign(packed(arrays, NETWORKS, {"network": np.arange(count)}))
     write(dataset, path, "networks", params(0))
 
 
@@ -151,7 +147,14 @@ def write_states(path: Path, networks: xr.Dataset, protocol: str, steps: int) ->
         "deformation_gradient": gradient,
     }
     coords = {"deformation": list(LOADS), "step": np.arange(steps + 1)}
-    write(packed(arrays, STATES, coords), path, "states", params(0))
+    write(packed(arrays, "states", coords), path, "states", params(0))
+
+
+def whole(table: pd.DataFrame, name: str) -> pd.DataFrame:
+    """The table with all columns that the schema declares under that name; those it lacked hold nothing."""
+    nothing = {"f": np.nan, "i": 0, "b": False, "U": ""}
+    lacking = {c: nothing[one.dtype] for c, one in TABLES[name].columns.items() if c not in table}
+    return table.assign(**lacking)[list(TABLES[name].columns)]
 
 
 def write_fits(path: Path, tensors: np.ndarray, names: list[str], seed: int) -> None:
@@ -181,7 +184,7 @@ def write_fits(path: Path, tensors: np.ndarray, names: list[str], seed: int) -> 
             rows += [row | components | fit, row | components | fit | {"load_set": "single", "deformation": LOADS[0]}]
             rows += [row | components | fit | other | {"energy": "families"}]
             rows += [row | components | fit | other | {"objective": "stress", "rule": "stress"}]
-    write_table(pd.DataFrame(rows), path, params(0))
+    write_table(whole(pd.DataFrame(rows), "fits"), path, params(0), "fits")
 
 
 def triangle(count: int) -> np.ndarray:
@@ -204,15 +207,15 @@ def write_surface(path: Path) -> None:
     }
     sizes = {name: len(values) for name, values in coords.items()}
     arrays = {
-        name: np.zeros([sizes[dim] for dim in variable.dims], dtype={"f": float, "i": int}[variable.kind])
-        for name, variable in SURFACE.items()
+        name: np.zeros([sizes[dim] for dim in variable.dims], dtype=variable.dtype)
+        for name, variable in KINDS["surface"].variables.items()
     }
     arrays["coefficient"][:] = [C2_COEFFICIENT, C3_COEFFICIENT, C3_COEFFICIENT]
     arrays["r_squared"][:] = [0.6, 0.7, 0.65]
     arrays["cross_validated_r_squared"][:] = [0.5, 0.6, 0.55]
     arrays["H11_range"][:] = [0.33, 0.80]
     arrays["H22_range"][:] = arrays["H33_range"][:] = [0.05, 0.62]
-    write(packed(arrays, SURFACE, coords), path, "surface", params(0))
+    write(packed(arrays, "surface", coords), path, "surface", params(0))
 
 
 def write_study(folder: Path, points: int = 60, steps: int = 5, networks: int = 120) -> dict[str, Path]:

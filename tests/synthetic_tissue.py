@@ -10,7 +10,7 @@ import pandas as pd
 from synthetic import params
 
 from fibrous.specimen import Slab
-from fibrous_study.datasets import SPECIMEN, TISSUE, packed, write, write_table
+from fibrous_study.datasets import packed, write, write_table
 
 STEPS = 2
 RUNS = {"hgo": 1.0, "hgo_refit": 0.8}  # how far the run moves the nodes
@@ -37,7 +37,7 @@ def write_stresses(path: Path) -> None:
     states("hgo", 1.7, "refit", FIT["hgo"])
     states("stress", 0.9, "initial", FIT["stress"])
     states("affine", 1.1, form=("affine", "", ""))
-    write_table(pd.concat(tables, ignore_index=True), path, params(0))
+    write_table(pd.concat(tables, ignore_index=True), path, params(0), "section_2_6_stresses")
 
 
 def write_specimen(path: Path) -> None:
@@ -51,7 +51,7 @@ def write_specimen(path: Path) -> None:
         "enthesis": specimen.enthesis,
         "prescribed_displacement": specimen.prescribed_displacement,
     }
-    dataset = packed(arrays, SPECIMEN, {"step": np.arange(1, STEPS + 1)}).assign_attrs(origin=specimen.origin)
+    dataset = packed(arrays, "specimen", {"step": np.arange(1, STEPS + 1)}).assign_attrs(origin=specimen.origin)
     write(dataset, path, "specimen", params(0))
 
 
@@ -78,7 +78,7 @@ def write_tissue(path: Path, amount: float) -> None:
         "C3": constants[1],
     }
     coords = {"step": np.arange(1, STEPS + 1), "enthesis": [1, 2]}
-    dataset = packed(arrays, TISSUE, coords).assign_attrs(origin=specimen.origin)
+    dataset = packed(arrays, "tissue", coords).assign_attrs(origin=specimen.origin)
     write(dataset, path, "tissue", params(0))
 
 

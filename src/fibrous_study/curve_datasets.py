@@ -30,3 +30,13 @@ def read_curves(paths: Sequence[Path]) -> Curves:
             raise DatasetError(f"{path}: holds other deformations than {paths[0]}; delete the curves and run again")
         parts.append(part)
     return Curves.joined(parts)
+
+
+def curves_called(path: Path, name: str) -> Curves:
+    """The curves of the one network of that name in a file. Raises DatasetError where none or several have it."""
+    curves = read_curves([path]).called(name)
+    if len(curves.names) != 1:
+        raise DatasetError(
+            f"{path}: holds {len(curves.names)} networks named '{name}', not one; see `named` in the config"
+        )
+    return curves

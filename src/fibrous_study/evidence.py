@@ -18,13 +18,9 @@ from fibrous_study.audit.verdict import ENSEMBLE, NAMED
 from fibrous_study.curve_datasets import read_curves
 from fibrous_study.fit_tables import ALL, SINGLE, fits_of
 from fibrous_study.solutions import LAW
-from fibrous_study.steps.comparison import fields_of
 from fibrous_study.steps.table_2 import MULTISCALE, TASKS
+from fibrous_study.tissue_runs import fields_of
 
-FIT_COLUMNS = (
-    "network", "name", "load_set", "deformation", "energy", "objective", "H11", "H22", "H33", "lambda_f_max", "C2_MPa",
-    "C3", "r_squared",
-)  # fmt: skip
 SURFACES = {"C2": "C2", "C3": "C3_eight"}  # the terms that the paper prints
 NETWORK_PARTS = ("equilibrium", "condensation")
 
@@ -84,14 +80,14 @@ def _group(name: str) -> str:
 def _fits(paths: list[Path], load_set: str, deformation: str) -> Constants:
     """Fits of Eq. 2 to the energies of one group of loads, table after table."""
     tables = [
-        fits_of(datasets.read_table(path, FIT_COLUMNS), "structure_tensor", "energy", load_set, deformation)
+        fits_of(datasets.read_table(path, "fits"), "structure_tensor", "energy", load_set, deformation)
         for path in paths
     ]
     table = pd.concat([one.sort_values("network", kind="stable") for one in tables])
     if table.empty:
         raise DatasetError(f"{paths[0]}: holds no fit to '{deformation}' of '{load_set}'; delete it and run again")
     return Constants(
-        names=table["name"].astype(object).fillna("").to_numpy(str),
+        names=table["name"].to_numpy(str),
         C2=table["C2_MPa"].to_numpy(float),
         amplitude=table["lambda_f_max"].to_numpy(float),
         **{field: table[field].to_numpy(float) for field in ("H11", "H22", "H33", "C3", "r_squared")},
@@ -108,7 +104,7 @@ def _tissue(paths: list[Path]) -> Tissue:
 
 def _costs(inputs: Mapping[str, list[Path]], config: Mapping[str, Any]) -> Costs:
     reference = inputs["tissue"][0].stem
-    table = datasets.read_table(inputs["table_2"][0], ("method", "runs", "task", "cpu_hours", "processes"))
+    table = datasets.read_table(inputs["table_2"][0], "table_2")
     table = table[(table["method"] == "hybrid") | (table["runs"] == reference)].set_index(["method", "task"])
     hours = table["cpu_hours"]
     multiscale, _, refit = (datasets.read(path, "tissue") for path in inputs["tissue"])

@@ -23,11 +23,10 @@ from fibrous.materials.timed import Timed
 from fibrous.specimen import FIXED, MOVED, Specimen
 from fibrous.tissue import Solution
 from fibrous_study import datasets
-from fibrous_study.fit_tables import ALL, LOAD, SINGLE, TENSOR_COLUMNS, fits_of, structure_tensors
+from fibrous_study.fit_tables import ALL, LOAD, SINGLE, fits_of, structure_tensors
 
 NETWORK_COUNTS = ("network_iterations", "network_cuts", "indefinite_hessians")
 LAW = "fibre law"  # part of the CPU time of a run: stress and tangent of its fibres
-COLUMNS = ("network", "load_set", "deformation", "energy", "objective", "C2_MPa", "C3", *TENSOR_COLUMNS)
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,7 @@ def fitted_constants(path: Path, networks: np.ndarray, model: Mapping[str, Any],
 
     Raises DatasetError where a network has none.
     """
-    table = datasets.read_table(path, COLUMNS)
+    table = datasets.read_table(path, "fits")
     group = (SINGLE, LOAD) if load_set is None else (load_set, ALL)
     table = fits_of(table, model["energy"], model["objective"], *group).set_index("network")
     missing = np.setdiff1d(networks, table.index[table[["C2_MPa", "C3"]].notna().all(axis=1)])
@@ -127,7 +126,7 @@ def tissue_dataset(
         "C3": C3,
     }
     coords = {"step": np.arange(1, len(solution.converged) + 1), "enthesis": np.array([FIXED, MOVED])}
-    dataset = datasets.packed(arrays, datasets.TISSUE, coords)
+    dataset = datasets.packed(arrays, "tissue", coords)
     dataset.attrs.update(
         origin=solution.specimen.origin,
         C1_MPa=matrix["C1_MPa"],

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from synthetic import whole
 
 from fibrous.curves import Curves
 from fibrous.errors import DatasetError, FibrousError
 from fibrous_study import datasets
 from fibrous_study.curve_datasets import write_curves
-from fibrous_study.documentation import TABLES
+from fibrous_study.schema import TABLES
 from fibrous_study.steps import case_study
 
 END = np.array([[1.239, 0.0, 0.0035], [0.0, 1.048, -0.0014], [-0.0080, 0.102, 0.770]])
@@ -114,7 +115,7 @@ def inputs(tmp_path_factory):
     write_networks(paths["networks"][0])
     write_both_networks(paths["curves"][0])
     for refit, path in enumerate(paths["fits"]):
-        datasets.write_table(fits(refit), path, params())
+        datasets.write_table(whole(fits(refit), "fits"), path, params(), "fits")
     return paths
 
 
@@ -152,7 +153,7 @@ def families(C2, C3, tension_only=True):
 
 def test_tables_have_the_columns_that_are_declared(tables):
     for name, table in tables.items():
-        assert table.columns.tolist() == list(TABLES[f"tables/section_2_6_{name}.csv"])
+        assert table.columns.tolist() == list(TABLES[f"section_2_6_{name}"].columns)
 
 
 def test_models_come_in_the_order_of_the_config_after_the_network(tables):
@@ -243,7 +244,7 @@ def test_constants_that_are_none_name_the_model_and_the_file(inputs, tmp_path):
     broken = fits(1)
     broken.loc[broken["energy"] == "structure_tensor", "C2_MPa"] = np.nan
     path = tmp_path / "broken.csv"
-    datasets.write_table(broken, path, params())
+    datasets.write_table(whole(broken, "fits"), path, params(), "fits")
     with pytest.raises(FibrousError, match=r"broken\.csv: model 'hgo': C2 is nan; it must be"):
         run({**inputs, "fits": [inputs["fits"][0], path]}, tmp_path)
 

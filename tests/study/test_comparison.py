@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from fibrous.comparison import Comparison, Deviation, Fields, peak_overlap
 from fibrous.errors import DatasetError
 from fibrous_study.datasets import read, write
-from fibrous_study.documentation import TABLES
+from fibrous_study.schema import TABLES
 from fibrous_study.steps import comparison
 
 PARAMS = {"stage": "fibrous_study.steps.comparison", "code_hash": ""}
@@ -190,5 +190,5 @@ def test_a_run_on_another_mesh_is_refused(written, tmp_path):
 
 def test_every_column_is_described(written):
     _, table, steps = written
-    assert list(table) == list(TABLES["tables/comparison.csv"])
-    assert list(steps) == list(TABLES["tables/comparison_steps.csv"])
+    assert list(table) == list(TABLES["comparison"].columns)
+    assert list(steps) == list(TABLES["comparison_steps"].columns)

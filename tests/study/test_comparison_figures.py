@@ -7,6 +7,7 @@ import pytest
 import synthetic
 import synthetic_tissue
 from matplotlib.collections import PolyCollection
+from synthetic import whole
 
 from fibrous.deformation import green_lagrange_strain, maximum_shear
 from fibrous_study.datasets import read
@@ -107,16 +108,12 @@ def test_red_is_more_than_the_coupled_simulation_and_white_the_same():
     assert red > blue
 
 
-def test_figure_9_says_rms_errors_runs_and_that_the_specimen_is_synthetic(study, drawn):
-    _, _, figure, axes = drawn
+def test_figure_9_shows_rms_errors(study, drawn):
+    axes = drawn[3]
     data = pd.read_csv(study / "figure_9.data")
     for panel, name in (("a4", "hgo"), ("a5", "hgo_refit")):
         rms = np.sqrt(np.mean(data[f"{name}_error_maximum_shear_stress_MPa"] ** 2))
         assert axes[panel].get_title().endswith(f"RMS {rms:.2g} MPa")
-    assert axes["b4"].get_title().split()[-2] == "RMS"
-    note = figure.texts[-1].get_text()
-    assert note.startswith("Synthetic specimen at load step 2")
-    assert "multiscale, hgo, hgo_refit" in note
 
 
 def tables():
@@ -139,8 +136,8 @@ def tables():
 def test_errors_are_drawn_as_they_are_written(tmp_path):
     ends, steps = tables()
     paths = {"comparison": tmp_path / "ends.csv", "steps": tmp_path / "steps.csv"}
-    ends.to_csv(paths["comparison"], index=False)
-    steps.to_csv(paths["steps"], index=False)
+    whole(ends, "comparison").to_csv(paths["comparison"], index=False)
+    whole(steps, "comparison_steps").to_csv(paths["steps"], index=False)
     outputs = {key: tmp_path / f"comparison.{key}" for key in ("png", "svg", "data")}
     comparison.run({name: [path] for name, path in paths.items()}, outputs, synthetic.params("comparison"))
     data = pd.read_csv(outputs["data"])
@@ -162,8 +159,6 @@ def test_each_model_has_its_row_its_look_and_open_marks_before_the_refit():
     ends, steps = tables()
     figure = comparison.draw(ends, steps)
     above, below = figure.axes[0], figure.axes[4]
-    labels = ["matrix alone", "Eq. 2 fitted, Eq. 10C run", "Eq. 10C fitted to stress", "surface of Eq. 11, Eq. 10C run"]
-    assert [label.get_text() for label in above.get_yticklabels()] == labels
     dots = {(line.get_ydata()[0], line.get_mfc() == "none"): line for line in above.lines if line.get_ls() == "None"}
     refit, initial = dots[1, False], dots[1, True]
     assert refit.get_xdata()[0] > initial.get_xdata()[0]
@@ -171,5 +166,3 @@ def test_each_model_has_its_row_its_look_and_open_marks_before_the_refit():
     assert lines.index(initial) > lines.index(refit)
     assert refit.get_color() == initial.get_color() == below.lines[1].get_color() == below.lines[2].get_color()
     assert len({(line.get_color(), line.get_marker()) for line in below.lines}) == 4
-    assert figure.texts[-1].get_text().startswith("Synthetic specimen.")
-    assert figure.texts[-1].get_text().endswith("Not drawn: multiscale one step, at most 4e-08 % off.")

@@ -11,6 +11,7 @@ import xarray as xr
 
 from fibrous.errors import DatasetError
 from fibrous_study import datasets
+from fibrous_study.schema import KINDS, TABLES
 
 PARAMS = {"stage": "fibrous_study.steps.network_states", "config": {"seed": 5, "network": "case"}, "code_hash": "abc"}
 
@@ -24,17 +25,17 @@ def states() -> xr.Dataset:
         "averaged_stretch": rng.normal(size=(2, 3)),
         "deformation_gradient": rng.normal(size=(2, 3, 3, 3)),
     }
-    return datasets.packed(arrays, datasets.STATES, {"deformation": ["x_uniaxial", "xy_shear"], "step": [0, 1, 2]})
+    return datasets.packed(arrays, "states", {"deformation": ["x_uniaxial", "xy_shear"], "step": [0, 1, 2]})
 
 
 def test_round_trip_keeps_numbers_units_and_provenance(tmp_path):
     path = tmp_path / "deep" / "states.nc"
     datasets.write(states(), path, "states", PARAMS)
     found = datasets.read(path, "states")
-    for name, declared in datasets.STATES.items():
+    for name, declared in KINDS["states"].variables.items():
         np.testing.assert_array_equal(found[name].values, states()[name].values)
-        assert found[name].attrs["units"] == declared.units
-        assert found[name].attrs["long_name"] == declared.long_name
+        assert found[name].attrs["units"] == declared.unit
+        assert found[name].attrs["long_name"] == declared.meaning
     assert found.attrs["seed"] == 5
     assert found.attrs["code_hash"] == "abc"
     assert found.attrs["cpu_seconds"] > 0.0
@@ -46,11 +47,11 @@ def test_round_trip_keeps_numbers_units_and_provenance(tmp_path):
     assert os.listdir(path.parent) == ["states.nc"]
 
 
-@pytest.mark.parametrize("kind", datasets.KINDS)
+@pytest.mark.parametrize("kind", KINDS)
 def test_every_variable_is_declared_with_unit_and_meaning(kind):
-    for name, variable in datasets.KINDS[kind].items():
-        assert variable.long_name, name
-        assert variable.units, name
+    for name, variable in KINDS[kind].variables.items():
+        assert variable.meaning, name
+        assert variable.unit, name
 
 
 def test_a_dataset_that_is_not_what_it_should_be_is_not_written(tmp_path):
@@ -110,14 +111,52 @@ def test_a_path_that_cannot_be_written_is_said(tmp_path):
         datasets.write(states(), tmp_path / "file" / "states.nc", "states", PARAMS)
 
 
-def test_tables_carry_their_provenance_beside_them(tmp_path):
+def convergence(**changes) -> pd.DataFrame:
+    state = {
+        "ensemble": "file", "protocol": "large", "network": 3, "name": "007", "load": "xy_shear", "step": 7,
+        "amplitude_limited": False, "newton_iterations": 12,
+    }  # fmt: skip
+    return pd.DataFrame([state | changes])
+
+
+def test_tables_carry_their_provenance_beside_them_and_come_back_as_they_were(tmp_path):
+    """Texts stay texts, also those that look like numbers or like nothing."""
     path = tmp_path / "table.csv"
-    table = pd.DataFrame({"C2_MPa": [0.1, 0.25], "name": ["case", "fig6_1"]})
-    datasets.write_table(table, path, PARAMS)
-    pd.testing.assert_frame_equal(datasets.read_table(path, ("C2_MPa", "name")), table)
+    for name in ("007", "", "NA"):
+        table = convergence(name=name)
+        datasets.write_table(table[list(table)[::-1]], path, PARAMS, "convergence")
+        pd.testing.assert_frame_equal(datasets.read_table(path, "convergence"), table, check_dtype=False)
     assert '"config_hash"' in (tmp_path / "table.csv.json").read_text()
-    with pytest.raises(DatasetError, match="lacks the column 'C3'"):
-        datasets.read_table(path, ("C3",))
-    path.write_bytes(b"\xff\xfe\x00broken")
-    with pytest.raises(DatasetError):
-        datasets.read_table(path, ("C3",))
+
+
+def test_a_table_that_is_not_as_declared_is_not_written(tmp_path):
+    path = tmp_path / "table.csv"
+    for wrong, what in (
+        (convergence().drop(columns="step"), "lacks the column 'step'"),
+        (convergence(cause="unknown"), "has no column 'cause'"),
+        (convergence(step="seven"), "'step' holds no whole numbers"),
+        (convergence(name=7), "'name' holds no text"),
+    ):
+        with pytest.raises(DatasetError, match=what):
+            datasets.write_table(wrong, path, PARAMS, "convergence")
+    assert not path.exists()
+
+
+def test_a_table_without_rows_has_its_columns(tmp_path):
+    datasets.write_table(pd.DataFrame(), tmp_path / "table.csv", PARAMS, "convergence")
+    assert list(datasets.read_table(tmp_path / "table.csv", "convergence")) == list(TABLES["convergence"].columns)
+
+
+def test_a_table_that_was_damaged_is_refused_in_one_line(tmp_path):
+    path = tmp_path / "table.csv"
+    whole = convergence().to_csv(index=False)
+    for content, what in (
+        (whole.replace("step", "stop"), "lacks the column 'step'"),
+        (whole.replace(",7,", ",seven,"), "'step' holds no whole numbers"),
+        ("\xff\xfe\x00broken", "table.csv"),
+        ("", "not a readable table"),
+    ):
+        path.write_text(content, encoding="latin-1")
+        with pytest.raises(DatasetError, match=what) as refused:
+            datasets.read_table(path, "convergence")
+        assert "\n" not in str(refused.value)

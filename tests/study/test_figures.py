@@ -24,9 +24,9 @@ from PIL import Image
 from fibrous.errors import DatasetError
 from fibrous.fitting.surface import TERMS
 from fibrous_study.datasets import read, write
-from fibrous_study.figures import figure_3, style
+from fibrous_study.figures import style
 from fibrous_study.figures.curves import curve_table, pooled_fits, stacked
-from fibrous_study.figures.projection import XY_VIEW, XZ_VIEW, Camera, draw_fibers, draw_outline, fit_view
+from fibrous_study.figures.projection import CUBE_VIEW, XY_VIEW, XZ_VIEW, Camera, draw_fibers, draw_outline, fit_view
 from fibrous_study.paper import section
 
 PROTOCOLS = list(synthetic.PROTOCOLS)
@@ -182,9 +182,6 @@ def test_figure_3_marks_ends_that_are_not_the_target(figure):
     assert ends[synthetic.LOST_LOAD].get_marker() == "x"
     assert ends["yz_shear"].get_markerfacecolor() == "white"
     assert ends["x_uniaxial"].get_markerfacecolor() == "#000000"
-    words = " ".join(text.get_text() for axes in figure.axes if axes.get_legend() for text in axes.get_legend().texts)
-    assert "2 unconverged states left out" in words
-    assert "ends at the amplitude limit" in words
 
 
 def test_figure_3_draws_every_fiber_of_the_last_equilibrium(figure, study):
@@ -193,7 +190,7 @@ def test_figure_3_draws_every_fiber_of_the_last_equilibrium(figure, study):
         step = -2 if load == synthetic.LOST_LOAD else -1
         state = states.sel(deformation=load).isel(step=step)
         (fibers,) = axes_of(figure, f"a{column}").findobj(LineCollection)
-        ends, depth = figure_3.CAMERA.project(state["node_position"].values[states["fiber_nodes"].values])
+        ends, depth = CUBE_VIEW.project(state["node_position"].values[states["fiber_nodes"].values])
         order = np.argsort(depth.mean(axis=1))
         np.testing.assert_allclose(np.array(fibers.get_segments()), ends[order], atol=1e-12)
         assert fibers.get_rasterized()
@@ -346,9 +343,7 @@ def test_figure_7_prints_the_numbers_of_its_data_beside_the_papers(files, figure
     assert {"0.439", "0.456", "47.0", "0.900", "1.284", "1.023", "1.222", "0.433", "1.297"} <= shown
 
 
-@pytest.mark.parametrize(
-    "camera", [XY_VIEW, XZ_VIEW, Camera.looking_from(-62.0, 22.0), Camera.looking_from(10.0, 80.0)]
-)
+@pytest.mark.parametrize("camera", [XY_VIEW, XZ_VIEW, CUBE_VIEW, Camera.looking_from(10.0, 80.0)])
 def test_cameras_turn_space_without_mirroring_it(camera):
     np.testing.assert_allclose(camera.frame @ camera.frame.T, np.eye(3), atol=1e-14)
     assert np.linalg.det(camera.frame) == pytest.approx(1.0)
@@ -389,13 +384,6 @@ def test_fit_view_keeps_one_scale():
     per_pixel = np.ptp(axes.get_xlim()) / box.width, np.ptp(axes.get_ylim()) / box.height
     assert per_pixel[0] == pytest.approx(per_pixel[1])
     assert axes.get_xlim()[0] < 0.0 < 3.0 < axes.get_xlim()[1]
-
-
-def test_short_fibers_are_blue_long_ones_red_and_resting_ones_grey():
-    short, rest, long = style.stretch_colors(np.array([1 / 1.4, 1.0, 1.4]), largest=1.5)
-    assert short[2] > short[0] + 0.2
-    assert long[0] > long[2] + 0.2
-    assert np.ptp(rest) < 0.02
 
 
 def test_a_network_that_is_not_there_is_named(study):

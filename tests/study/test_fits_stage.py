@@ -43,7 +43,7 @@ def curves_file(path, numbers, unconverged=(), names=None):
         "name": np.array(names or [""] * len(numbers)),
     }  # fmt: skip
     coords = {"network": list(numbers), "deformation": loads, "step": np.arange(11)}
-    dataset = datasets.packed(arrays, datasets.CURVES, coords)
+    dataset = datasets.packed(arrays, "curves", coords)
     datasets.write(dataset, path, "curves", {"stage": "test", "config": {}, "code_hash": ""})
     return path
 

@@ -125,9 +125,6 @@ def test_figure_4_draws_every_stage_with_its_jobs(quick):
     assert words.count("refit") == 1
 
 
-def test_an_element_whose_network_is_not_there_is_named(quick, tmp_path):
-    named = quick[0] / "results/networks/named/00.nc"
-    with pytest.raises(DatasetError, match="no file holds network"):
-        figure_4._fibers([named], 77)
+def test_a_network_without_a_fit_is_named(quick):
     with pytest.raises(DatasetError, match="holds 0 fits of network 77"):
         figure_4._constants(quick[0] / "results/fits/tissue/section_2_6.csv", 77, "section_3_1", "all")

@@ -176,7 +176,7 @@ def write_networks(path, numbers):
 
 
 def write(arrays, kind, path, coords, **about):
-    dataset = datasets.packed(arrays, datasets.KINDS[kind], coords).assign_attrs(about)
+    dataset = datasets.packed(arrays, kind, coords).assign_attrs(about)
     datasets.write(dataset, path, kind, synthetic.params(0))
 
 
@@ -265,7 +265,7 @@ def test_networks_are_drawn_where_they_are(elements):
             (lines,) = axes.findobj(LineCollection)
             state = states.sel(path="mean", step=2)
             fibers = state["node_position"].values[states["fiber_nodes"].values]
-            points, depth = figure.CAMERA.project(fibers)
+            points, depth = figure.CUBE_VIEW.project(fibers)
             np.testing.assert_allclose(lines.get_segments(), points[np.argsort(depth.mean(axis=1), kind="stable")])
             name = states.attrs["run"].replace("_", " ")
             largest = np.linalg.eigvalsh(state["orientation_tensor"].values)[-1]
@@ -281,7 +281,7 @@ def test_the_last_state_that_was_found_is_drawn(elements):
     lost = elements[0][0].copy(deep=True)
     lost["converged"].loc[{"path": "mean", "step": 2}] = False
     lost["fiber_stretch"].loc[{"path": "mean", "step": 2}] = np.nan
-    assert figure.last_step(lost) == 1
+    assert figure.last_state(lost)["step"] == 1
     lost["converged"].loc[{"path": "4", "step": 1}] = False
     table = figure.distributions({0: [lost]})
     assert set(table["path"]) == {*"0123567", "mean"}

@@ -27,6 +27,7 @@ from fibrous.networks.guard import EquilibriumSolver
 from fibrous_study import datasets, provenance
 from fibrous_study.checkpoint import Checkpoint
 from fibrous_study.paper import section
+from fibrous_study.schema import KINDS
 from fibrous_study.steps import table_2
 from fibrous_study.steps import tissue_coupled as multiscale
 from fibrous_study.steps.hgo_fits import fits_key
@@ -35,7 +36,7 @@ SCALE = 10.0 * np.pi * 0.1**2 / 8.0**2  # k π R²/χ²
 
 
 def same_bits(one: xr.Dataset, other: xr.Dataset) -> bool:
-    return all(one[name].values.tobytes() == other[name].values.tobytes() for name in datasets.TISSUE)
+    return all(one[name].values.tobytes() == other[name].values.tobytes() for name in KINDS["tissue"].variables)
 
 
 @pytest.fixture(scope="module")

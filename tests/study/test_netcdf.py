@@ -17,7 +17,7 @@ from fibrous.io.meshes import read_mesh
 from fibrous.io.networks import read_network
 from fibrous_study import datasets
 from fibrous_study.check import check
-from fibrous_study.configuration import loaded
+from fibrous_study.config import loaded
 
 FORMATS = ("NETCDF3_CLASSIC", "NETCDF3_64BIT", "NETCDF4_CLASSIC", "NETCDF4")
 
@@ -184,7 +184,7 @@ def test_a_table_that_may_not_be_read_is_not_to_be_deleted(tmp_path, monkeypatch
         raise PermissionError(errno.EACCES, "Permission denied", str(path))
 
     monkeypatch.setattr(netcdf, "open", denied, raising=False)
-    line = problem(partial(datasets.read_table, columns=("C2",)), path)
+    line = problem(partial(datasets.read_table, name="fits"), path)
     assert "permission" in line
     assert "delete" not in line
 

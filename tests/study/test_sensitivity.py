@@ -1,23 +1,26 @@
-"""Sensitivities: a trial is the study's own fit, networks scale as they must, and sentences follow from the numbers."""
+"""Sensitivities: a trial is the study's own fit, networks scale as they must, and moves follow from the numbers."""
 
+import re
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pandas as pd
 import pytest
-from small_study import small_config
+from small_study import NO_PARAMS, small_config
 from workflow_runs import job_of
 
 from fibrous.curves import Curves
 from fibrous.deformation import Load, averaged_stretch, load_path, straight_path
 from fibrous.errors import NetworkError
 from fibrous.materials.hgo import HGOStructureTensor
-from fibrous_study.sensitivity.sentences import sentences
-from fibrous_study.sensitivity.summary import completed, summary
-from fibrous_study.sensitivity.trial import stress_error, tried
+from fibrous_study.datasets import write_table
+from fibrous_study.schema import TABLES
+from fibrous_study.sensitivity.summary import completed, moves, summary
+from fibrous_study.sensitivity.trial import stress_error, trial
+from fibrous_study.steps import sensitivity_tables
 from fibrous_study.steps import sensitivity_trial as stage
-from fibrous_study.variants import own_value, variant_called, variants, varied
+from fibrous_study.variants import own_value, variants, varied
 
 H = np.diag([0.6, 0.25, 0.15])
 FIT = {"largest_C3": 50.0, "slope_fit_below_r_squared": 0.5}
@@ -44,12 +47,12 @@ def judged() -> Curves:
 
 
 def test_a_network_that_answers_as_eq_2_does_is_met_on_every_path():
-    trial = tried(loaded(), judged(), **FIT)
-    np.testing.assert_allclose((trial.C2, trial.C3), (0.2, 0.7), rtol=1e-6)
-    assert trial.r_squared == pytest.approx(1.0)
-    assert trial.stress_error < 1e-6
-    assert trial.amplitude == pytest.approx(averaged_stretch(loaded().deformation_gradient, H).max())
-    assert (trial.points_used, trial.states_failed, trial.judged_states_failed) == (24, 0, 0)
+    row = trial(loaded(), judged(), **FIT)
+    np.testing.assert_allclose((row["C2_MPa"], row["C3"]), (0.2, 0.7), rtol=1e-6)
+    assert row["r_squared"] == pytest.approx(1.0)
+    assert row["stress_error"] < 1e-6
+    assert row["lambda_f_max"] == pytest.approx(averaged_stretch(loaded().deformation_gradient, H).max())
+    assert (row["points_used"], row["states_failed"], row["judged_states_failed"]) == (24, 0, 0)
 
 
 def test_the_error_of_stress_is_that_of_eq_2_written_out():
@@ -71,21 +74,21 @@ def test_states_without_equilibrium_are_left_out_and_counted():
     # What a solver may leave behind must reach neither fit nor error.
     curves.cauchy_stress[0, 1, 5], path.cauchy_stress[0, 0, 3] = 1e9, 1e9
     curves.strain_energy_density[0, 1, 5], path.strain_energy_density[0, 0, 3] = np.nan, np.nan
-    trial = tried(curves, path, **FIT)
-    assert (trial.points_used, trial.states_failed, trial.judged_states_failed) == (23, 1, 1)
-    np.testing.assert_allclose((trial.C2, trial.C3), (0.2, 0.7), rtol=1e-6)
-    assert trial.stress_error < 1e-6
+    row = trial(curves, path, **FIT)
+    assert (row["points_used"], row["states_failed"], row["judged_states_failed"]) == (23, 1, 1)
+    np.testing.assert_allclose((row["C2_MPa"], row["C3"]), (0.2, 0.7), rtol=1e-6)
+    assert row["stress_error"] < 1e-6
 
 
 def test_a_path_or_a_fit_without_states_has_no_error():
     path = judged()
     path.strain_energy_density[0, 0, 1:] = np.nan
-    assert np.isnan(tried(loaded(), path, **FIT).stress_error)
+    assert np.isnan(trial(loaded(), path, **FIT)["stress_error"])
     curves = loaded()
     curves.strain_energy_density[..., 1:] = np.nan
-    trial = tried(curves, judged(), **FIT)
-    assert np.isnan([trial.C2, trial.C3, trial.stress_error]).all()
-    assert trial.states_failed == 24
+    row = trial(curves, judged(), **FIT)
+    assert np.isnan([row["C2_MPa"], row["C3"], row["stress_error"]]).all()
+    assert row["states_failed"] == 24
 
 
 # The stage -----------------------------------------------------------------------------------------------------------
@@ -165,33 +168,30 @@ def test_a_state_that_found_no_equilibrium_is_named(tmp_path, capsys):
 
 def test_a_variant_is_the_study_with_one_number_replaced():
     config = small_config()
-    for variant in variants(config)[1:]:
-        changed = varied(config, variant)
-        assert own_value(changed, variant.factor) == variant.value != own_value(config, variant.factor)
-        assert variant_called(config, variant.name) == variant
-        back = varied(changed, type(variant)(variant.factor, own_value(config, variant.factor)))
-        assert back == config
+    for factor, value in list(variants(config).values())[1:]:
+        changed = varied(config, factor, value)
+        assert own_value(changed, factor) == value != own_value(config, factor)
+        assert varied(changed, factor, own_value(config, factor)) == config
 
 
 def test_the_base_is_no_variant_of_itself():
-    names = [variant.name for variant in variants(small_config(cube={"edge_length_um": 15.0}))]
+    names = list(variants(small_config(cube={"edge_length_um": 15.0})))
     assert names[0] == "base"
     assert "edge_length_um_15" not in names
     assert "edge_length_um_20" in names
-    assert len(names) == len(set(names))
 
 
-# Sums and sentences --------------------------------------------------------------------------------------------------
+# Sums and moves ------------------------------------------------------------------------------------------------------
 
 
-def made_up(moves: dict[str, float], seeds: float = 0.1, failed: int = 0) -> list[pd.DataFrame]:
-    """Three networks of one alignment whose quantities are seeds apart by `seeds`; `moves` is added at χ = 30 µm."""
+def made_up(shifts: dict[str, float], seeds: float = 0.1, failed: int = 0) -> list[pd.DataFrame]:
+    """Three networks of one alignment whose quantities are seeds apart by `seeds`; `shifts` are added at χ = 30 µm."""
     tables = []
     for factor, value in (("base", np.nan), ("edge_length_um", 30.0)):
         rows = []
         for number in range(3):
             row = {"factor": factor, "value": value, "network": "case", "load_set": "a", "replicate": number}
-            row |= {name: 1.0 + seeds * number + moves.get(name, 0.0) * (factor != "base") for name in QUANTITIES}
+            row |= {name: 1.0 + seeds * number + shifts.get(name, 0.0) * (factor != "base") for name in QUANTITIES}
             rows.append(row | {"states_failed": failed, "judged_states_failed": 0, "loads_limited": number})
         tables.append(pd.DataFrame(rows))
     return tables
@@ -220,44 +220,63 @@ def test_values_are_in_order_whatever_the_base_is():
         assert all(one <= other for one, other in pairwise(values))
 
 
-def sentence(factor="edge_length_um", **changes) -> str:
-    tables = made_up(**changes)
-    return sentences(completed(tables, {"edge_length_um": 20.0}), {"a": "all loads"}, {"edge_length_um": "µm"})[factor]
+def moved(tables) -> pd.DataFrame:
+    """The moves by factor and quantity."""
+    return moves(summary(completed(tables, {"edge_length_um": 20.0}))).set_index(["factor", "quantity"])
 
 
 def test_a_move_beyond_the_spread_over_seeds_is_told_from_one_within_it():
-    found = sentence(moves={"C2_MPa": 0.21, "C3": 0.19, "stress_error": -0.5})
-    assert found == (
-        "Edge length χ from 20 to 30 µm (the study's: 20): C2 moves by more than seeds do in the one case, most for "
-        "case under all loads (1.1 MPa at 20 µm and 1.31 MPa at 30 µm; seeds 1 MPa to 1.2 MPa); C3 stays within the "
-        "spread over seeds in the one case, most for case under all loads (1.1 at 20 µm and 1.29 at 30 µm; seeds 1 to"
-        " 1.2); R² does not move; the error of stress moves by more than seeds do in the one case, most for case "
-        "under all loads (110 % at 20 µm and 60 % at 30 µm; seeds 100 % to 120 %)."
-    )
+    found = moved(made_up({"C2_MPa": 0.21, "C3": 0.19, "stress_error": -0.5})).loc["edge_length_um"]
+    assert found["beyond_seeds"].to_dict() == {"C2_MPa": 1, "C3": 0, "r_squared": 0, "stress_error": 1}
+    assert (found["cases"] == 1).all()
+    assert (found[["network", "load_set"]] == ["case", "a"]).all(axis=None)
+    ends = ["least", "least_at", "largest", "largest_at"]
+    np.testing.assert_allclose(found.loc["C2_MPa", ends].astype(float), [1.1, 20.0, 1.31, 30.0])
+    np.testing.assert_allclose(found.loc["stress_error", ends].astype(float), [0.6, 30.0, 1.1, 20.0])
+    np.testing.assert_allclose(found[["seeds_least", "seeds_largest"]], [[1.0, 1.2]] * 4)
 
 
-def test_states_that_were_left_out_are_in_the_sentence():
-    assert sentence(moves={}, failed=2).endswith("; 12 states found no equilibrium and are left out.")
-    assert "equilibrium" not in sentence(moves={})
+def test_states_that_were_left_out_are_counted():
+    assert (moved(made_up({}, failed=2)).loc["edge_length_um", "states_failed"] == 12).all()
+    assert (moved(made_up({}))["states_failed"] == 0).all()
 
 
-def test_seeds_and_shear_directions_have_their_sentences():
-    assert sentence("seeds", moves={}).startswith(
-        "Seeds: 3 networks of one alignment are farthest apart with C2 from 1 MPa"
-    )
-    assert sentence("shear_directions", moves={}).endswith("one value alone, so that there is nothing to compare.")
+def test_load_sets_are_compared_with_the_seeds_of_the_one_that_scatters_more():
     tables = [pd.concat([one, one.assign(load_set="b", C3=2.0 * one["C3"])]) for one in made_up({})]
-    words = {"a": "these loads", "b": "those loads"}
-    found = sentences(completed(tables, {"edge_length_um": 20.0}), words, {"edge_length_um": "µm"})["shear_directions"]
-    assert found.startswith(
-        "Shear directions, these loads against those loads: C2 does not move; C3 moves by more than"
-    )
-    assert "(1.1 under these loads and 2.2 under those loads; seeds 2 to 2.4)" in found
+    found = moved(tables).loc["shear_directions"]
+    assert found["beyond_seeds"].to_dict() == {"C2_MPa": 0, "C3": 1, "r_squared": 0, "stress_error": 0}
+    row = found.loc["C3"]
+    assert (row["network"], row["load_set"], row["least_at"], row["largest_at"]) == ("case", "", "a", "b")
+    assert (row["least"], row["largest"]) == pytest.approx((1.1, 2.2))
+    assert (row["seeds_least"], row["seeds_largest"]) == pytest.approx((2.0, 2.4))
+
+
+def two_alignments(quiet, loud) -> pd.DataFrame:
+    """The seeds of one alignment are alike, those of the other 2 apart."""
+    tables = zip(made_up(quiet, seeds=0.01), made_up(loud, seeds=1.0), strict=True)
+    return moved([pd.concat([one, other.assign(network="fig6_1")]) for one, other in tables])
 
 
 def test_a_case_that_moves_beyond_its_seeds_is_named_before_one_that_moves_more_but_within_them():
-    """Two alignments: one whose seeds are alike moves by 0.3, one whose seeds are 2 apart moves by 1."""
-    quiet, loud = made_up({"C2_MPa": 0.3}, seeds=0.01), made_up({"C2_MPa": 1.0}, seeds=1.0)
-    tables = [pd.concat([one, other.assign(network="fig6_1")]) for one, other in zip(quiet, loud, strict=True)]
-    found = sentences(completed(tables, {"edge_length_um": 20.0}), {"a": "all loads"}, {"edge_length_um": "µm"})
-    assert "C2 moves by more than seeds do in 1 of 2 cases, most for case under" in found["edge_length_um"]
+    row = two_alignments({"C2_MPa": 0.3}, {"C2_MPa": 1.0}).loc["edge_length_um", "C2_MPa"]
+    assert (row["beyond_seeds"], row["cases"], row["network"]) == (1, 2, "case")
+
+
+def test_where_nothing_moves_the_case_is_the_one_whose_seeds_are_farthest_apart():
+    found = two_alignments({}, {})
+    for factor in ("edge_length_um", "shear_directions", "seeds"):
+        assert (found.loc[factor, "network"] == "fig6_1").all()
+        np.testing.assert_allclose(found.loc[factor, ["seeds_least", "seeds_largest"]], [[1.0, 3.0]] * 4)
+
+
+def test_every_move_is_written_with_its_numbers_in_words(tmp_path):
+    paths = [tmp_path / f"{number}.csv" for number in range(2)]
+    for path, table in zip(paths, made_up({"C2_MPa": 0.21}), strict=True):
+        write_table(table, path, NO_PARAMS)
+    outputs = {name: tmp_path / f"{name}.csv" for name in ("table", "sentences")}
+    factors = [{"name": "edge_length_um", "unit": "µm", "own_value": 20.0}]
+    sensitivity_tables.run({"trials": paths}, outputs, NO_PARAMS | {"config": {"factors": factors}})
+    found = pd.read_csv(outputs["sentences"])
+    assert list(found) == list(TABLES["sensitivity_sentences"].columns)
+    assert {"1.1", "1.31", "1", "1.2", "20", "30"} <= set(re.findall(r"\d+(?:\.\d+)?", found["sentence"][0]))
+    assert found["sentence"].str.contains("case").all()

@@ -76,7 +76,8 @@ def test_two_runs_give_the_same_bytes(tmp_path):
     paths = []
     for number, table in enumerate(tables()):
         paths.append(tmp_path / f"{number}.csv")
-        write_table(table, paths[-1], synthetic.params("sensitivity"))
+        trials = synthetic.whole(table, "sensitivity_trials")
+        write_table(trials, paths[-1], synthetic.params("sensitivity"), "sensitivity_trials")
     params = synthetic.params("sensitivity", **CONFIG)
     first, second = ({kind: tmp_path / f"{n}.{kind}" for kind in ("png", "svg", "data")} for n in ("one", "two"))
     with matplotlib.rc_context({"font.size": 30.0}):

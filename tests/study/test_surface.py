@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import t as student
+from synthetic import whole
 
 from fibrous.errors import ConfigError, DatasetError, FitError
 from fibrous.fitting.surface import (
@@ -247,7 +248,7 @@ def fits_table(path, count=40, seed=0):
             rows.append({**common, "energy": "families", "C2_MPa": 1e6, "C3": 1e6})
             rows.append({**common, "rule": "stress", "C2_MPa": 1e6, "C3": 1e6})
     rows.append({**rows[0], "network": count, "C2_MPa": 0.0, "rule": "zero"})
-    pd.DataFrame(rows).to_csv(path, index=False)
+    whole(pd.DataFrame(rows), "fits").to_csv(path, index=False)
     return path
 
 

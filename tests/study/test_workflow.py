@@ -16,8 +16,8 @@ import xarray as xr
 from workflow_runs import QUICK, SMALL, all_files, command_line, files_of, quick_config, snakemake, would_run, written
 
 from fibrous_study.check import check
-from fibrous_study.documentation import TABLES
 from fibrous_study.provenance import record_of
+from fibrous_study.schema import TABLES
 
 
 def test_the_quick_study_makes_every_file_and_check_agrees(quick):
@@ -29,13 +29,13 @@ def test_the_quick_study_makes_every_file_and_check_agrees(quick):
     assert check(QUICK, folder) == ([], len(expected))
 
 
-@pytest.mark.parametrize("place", TABLES)
-def test_the_tables_have_the_columns_that_the_page_of_files_lists(quick, quick_sensitivity, place):
+@pytest.mark.parametrize("name", TABLES)
+def test_the_tables_have_the_columns_that_the_page_of_files_lists(quick, quick_sensitivity, name):
     tables = [path for folder in (quick[0], quick_sensitivity) for path in (folder / "results").rglob("*.csv")]
-    paths = [path for path in tables if fnmatch(str(path), f"*/results/{_as_glob(place)}")]
+    paths = [path for path in tables if fnmatch(str(path), f"*/{_as_glob(TABLES[name].path)}")]
     assert paths
     for path in paths:
-        assert pd.read_csv(path, nrows=0).columns.tolist() == list(TABLES[place])
+        assert pd.read_csv(path, nrows=0).columns.tolist() == list(TABLES[name].columns)
 
 
 def _as_glob(place: str) -> str:

@@ -8,7 +8,7 @@ import yaml
 from workflow_runs import QUICK, files_of, jobs_of, quick_config, snakemake, would_run, written
 
 from fibrous_study import provenance
-from fibrous_study.configuration import DEFAULT, validated
+from fibrous_study.config import DEFAULT, validated
 
 
 def downstream(config: dict, first: set[str]) -> set[str]:

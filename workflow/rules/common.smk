@@ -9,16 +9,17 @@ from pathlib import Path
 import yaml
 
 from fibrous.errors import FibrousError
-from fibrous_study import batches, configuration, plan, variants
-from fibrous_study.job import hand_over
+from fibrous_study import batches, plan, variants
+from fibrous_study.config import PROJECT, loaded, validated
+from fibrous_study.job import FOLDER, hand_over
 from fibrous_study.paper import paper, section
 from fibrous_study.provenance import code_hash, commit, config_hash
-from fibrous_study.report.outline import SECTIONS, TARGETS, exhibits
+from fibrous_study.report.outline import TARGETS, figures, in_snakemake
 from fibrous_study.report.tables import VIEWS
 from fibrous_study.steps import convergence
 
 try:
-    config = configuration.validated(config)
+    config = validated(config)
     # Recorded in every result, and no param of a rule: a change reruns what depends on it and nothing else.
     os.environ.update(STUDY_CONFIG=hand_over(config))
 except FibrousError as error:
@@ -35,6 +36,8 @@ JOB = (
 ROLES, RUNS = config["roles"], plan.runs(config)
 RANGES = [ROLES["large"], ROLES["small"]]
 ALIGNMENTS = {key: config["delaunay"][key] for key in ("H11", "smallest_H")}
+# What Snakemake's own report says of the figure that each rule draws, and of tables.
+SHOWN = in_snakemake(FOLDER / "captions")
 STUDY = []  # every file of the whole study in the order in which it is made; each rule adds its own
 REPORT = []  # files that tell of all of these
 
@@ -44,7 +47,7 @@ wildcard_constraints:
     batch="[0-9]+",
     run="|".join(run.name for run in RUNS),
     element="[0-9]+",
-    variant="|".join(re.escape(variant.name) for variant in variants.variants(config)),
+    variant="|".join(map(re.escape, variants.variants(config))),
 
 
 # Jobs -----------------------------------------------------------------------------------------------------------------
@@ -80,12 +83,7 @@ def only(runs):
 def drawn(path):
     """A figure that Snakemake's own report shows, under the report's heading; of vectors, as it crops large images."""
     name = f"figure_{Path(path).stem.removeprefix('figure_')}"
-    for section in SECTIONS:
-        for exhibit in section.exhibits:
-            if exhibit.stage == name:
-                caption = str(configuration.CAPTIONS / f"{name}.rst")
-                return report(path, caption=caption, category=section.title, labels={"figure": exhibit.title})
-    return path
+    return report(path, **SHOWN[name]) if name in SHOWN else path
 
 
 def figure_of(name):

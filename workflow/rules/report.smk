@@ -72,22 +72,14 @@ if HYBRID and not LAGGED:
 
 TABLES = {name: view.path for name, view in VIEWS.items() if view.path in STUDY + REPORT}
 PAGES = {name: f"results/report/{name}.html" for name in TABLES}
-DRAWN = [show.stage for show in exhibits() if workflow.is_rule(show.stage) and figure_of(show.stage) in STUDY + REPORT]
+DRAWN = [name for name in figures() if workflow.is_rule(name) and figure_of(name) in STUDY + REPORT]
 
 
 rule table_pages:
     input:
         tables=list(TABLES.values()),
     output:
-        **{
-            name: report(
-                path,
-                caption=str(configuration.CAPTIONS / "table.rst"),
-                category="Tables",
-                labels={"table": name},
-            )
-            for name, path in PAGES.items()
-        },
+        **{name: report(path, labels={"table": name}, **SHOWN["table"]) for name, path in PAGES.items()},
     log:
         "logs/table_pages.log",
     resources:
@@ -118,17 +110,15 @@ rule report:
         **job(
             "report",
             lambda wildcards: {
-                "figures": [{"stage": name, "caption": configuration.caption(name)} for name in DRAWN],
+                "figures": DRAWN,
                 "tables": list(TABLES),
                 "paper": {name: section(name) for name in ("statements", "contradictions")},
-                "other_than_default": [
-                    key for key, value in configuration.loaded().items() if TOLD.get(key, value) != value
-                ],
+                "other_than_default": [key for key, value in loaded().items() if TOLD.get(key, value) != value],
                 "seed": config["seed"],
-                "commit": commit(configuration.PROJECT),
+                "commit": commit(PROJECT),
                 # As text, since JSON with sorted keys would lose the order of a mapping.
                 "study": yaml.safe_dump(
-                    plan.in_order_of(configuration.loaded(), TOLD), sort_keys=False, allow_unicode=True, width=110
+                    plan.in_order_of(loaded(), TOLD), sort_keys=False, allow_unicode=True, width=110
                 ),
             },
         ),

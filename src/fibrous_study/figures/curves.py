@@ -12,25 +12,11 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from fibrous.deformation import largest_principal_stretch
-from fibrous.errors import DatasetError
 from fibrous.fitting.hgo import strain_energy
-from fibrous_study.curve_datasets import read_curves
+from fibrous_study.curve_datasets import curves_called
 from fibrous_study.datasets import read_table
 from fibrous_study.figures import style
 
-FIT_COLUMNS = (
-    "name",
-    "load_set",
-    "deformation",
-    "energy",
-    "objective",
-    "lambda_f_max",
-    "C2_MPa",
-    "C3",
-    "C2_half_width_MPa",
-    "C3_half_width",
-    "r_squared",
-)
 # A load whose energy ends above this many times that of the default load set's leaves the panel.
 SHOWN_RATIO = 2.0
 FIT_POINTS = 201
@@ -43,9 +29,7 @@ def curve_table(path: Path, network: str) -> pd.DataFrame:
     strain_energy_density_MPa, largest_orientation_eigenvalue, converged, amplitude_limited. Raises DatasetError where
     no network has the name.
     """
-    curves = read_curves([path]).called(network)
-    if len(curves.names) != 1:
-        raise DatasetError(f"{path}: holds {len(curves.names)} networks named '{network}' where the figure draws one")
+    curves = curves_called(path, network)
     loads, steps = curves.magnitude.shape[1:]
     return pd.DataFrame(
         {
@@ -64,7 +48,7 @@ def curve_table(path: Path, network: str) -> pd.DataFrame:
 
 def pooled_fits(path: Path) -> pd.DataFrame:
     """The rows of a table of fits that belong to a whole load set and to what panels draw, Eq. 2 fitted to energy."""
-    table = read_table(path, FIT_COLUMNS)
+    table = read_table(path, "fits")
     eq_2 = (table["energy"] == "structure_tensor") & (table["objective"] == "energy")
     return table[eq_2 & (table["deformation"] == "all")]
 
@@ -118,11 +102,7 @@ def draw_load(axes: Axes, states: pd.DataFrame, column: str, number: int, scale:
 
 
 def draw_energies(
-    axes: Axes,
-    states: pd.DataFrame,
-    curves: pd.DataFrame,
-    default_loads: Collection[str],
-    numbers: Mapping[str, int],
+    axes: Axes, states: pd.DataFrame, curves: pd.DataFrame, default_loads: Collection[str], numbers: Mapping[str, int]
 ) -> dict[str, str]:
     """Draw W against λ_f, states of one network and rows of energy_table that are fitted curves.
 

@@ -16,16 +16,8 @@ from matplotlib.gridspec import GridSpecFromSubplotSpec, SubplotSpec
 
 from fibrous.deformation import Load
 from fibrous_study.datasets import read, write_table
-from fibrous_study.figures import style
-from fibrous_study.figures.curves import curve_table, draw_load, load_handles, load_numbers, stacked
-from fibrous_study.figures.projection import (
-    Camera,
-    draw_axes_cross,
-    draw_edge_length,
-    draw_fibers,
-    draw_outline,
-    fit_view,
-)
+from fibrous_study.figures import curves, style
+from fibrous_study.figures.projection import CUBE_VIEW, draw_axes_cross, draw_state
 
 # How the magnitude of a load is written, by its kind; that of a load with its own F is the part of its path.
 MAGNITUDES = {
@@ -34,9 +26,6 @@ MAGNITUDES = {
     "shear": "$\\gamma = {:.2f}$",
     None: "at {:.0%}",
 }
-CAMERA = Camera.looking_from(azimuth_deg=-62.0, elevation_deg=22.0)
-# Share of fibres inside the colour scale; the few beyond it take its end colours.
-COLORED_SHARE = 0.99
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
@@ -48,7 +37,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     network, protocols = params["config"]["network"], params["config"]["protocols"]
     states = [read(path, "states") for path in inputs["states"]]
     paths = zip(protocols, inputs["curves"], strict=True)
-    table = stacked({protocol: curve_table(path, network) for protocol, path in paths}, "protocol")
+    table = curves.stacked({protocol: curves.curve_table(path, network) for protocol, path in paths}, "protocol")
     write_table(table.drop(columns=["strain_energy_density_MPa", "largest_principal_stretch"]), outputs["data"], params)
     style.save(draw(states, table), outputs, params)
 
@@ -65,43 +54,37 @@ def draw(states: list[xr.Dataset], table: pd.DataFrame) -> Figure:
     for row, (upper, lower) in enumerate(zip("ab", "cd", strict=True)):
         _draw_networks(figure, rows[row], states[row], parts[row], upper)
         axes = figure.add_subplot(below[row + 1])
-        _draw_eigenvalues(axes, parts[row], load_numbers(table))
+        _draw_eigenvalues(axes, parts[row], curves.load_numbers(table))
         axes.set_title(f"end states: row {upper}", loc="right", color=style.FAINT)
         style.panel_letter(axes, lower)
-    axes.legend(handles=load_handles(table), loc="upper left", bbox_to_anchor=(1.04, 1.0), handlelength=1.4)
+    axes.legend(handles=curves.load_handles(table), loc="upper left", bbox_to_anchor=(1.04, 1.0), handlelength=1.4)
     note = "Bars: edge of the undeformed cube. Farther fibres are drawn paler."
-    note += f" Colour scales hold {COLORED_SHARE:.0%} of the fibres of their row."
+    note += f" Colour scales hold {style.COLORED_SHARE:.0%} of the fibres of their row."
     figure.text(0.012, 0.006, note, fontsize=6.0)
     return figure
 
 
-def last_state(states: xr.Dataset, load: str) -> int:
-    """The last step of `load` that the file holds an equilibrium for."""
-    known = np.isfinite(states["fiber_stretch"].sel(deformation=load).values).all(axis=1)
-    return int(states["step"].values[np.flatnonzero(known)[-1]])
+def last_state(states: xr.Dataset, load: str) -> xr.Dataset:
+    """The state of the last step of `load` that the file holds an equilibrium for."""
+    under_load = states.sel(deformation=load)
+    return under_load.isel(step=np.flatnonzero(np.isfinite(under_load["fiber_stretch"].values).all(axis=1))[-1])
 
 
 def _draw_networks(figure: Figure, spec: SubplotSpec, states: xr.Dataset, table: pd.DataFrame, letter: str) -> None:
     ends = {load: last_state(states, load) for load in states["deformation"].values.astype(str)}
-    stretches = {load: states["fiber_stretch"].sel(deformation=load, step=step).values for load, step in ends.items()}
-    largest = style.stretch_limit(np.concatenate([*stretches.values()]), COLORED_SHARE)
+    largest = style.stretch_limit(np.concatenate([state["fiber_stretch"].values for state in ends.values()]))
     cells = GridSpecFromSubplotSpec(1, len(ends), spec, wspace=0.08)
-    for column, (load, step) in enumerate(ends.items()):
+    for column, (load, state) in enumerate(ends.items()):
         axes = figure.add_subplot(cells[column])
-        state = states.sel(deformation=load, step=step)
-        fibers = state["node_position"].values[states["fiber_nodes"].values]
-        draw_fibers(axes, CAMERA, fibers, style.stretch_colors(stretches[load], largest), width=0.35, fade=0.4)
-        corners = draw_outline(axes, CAMERA, state["deformation_gradient"].values)
-        fit_view(axes, np.vstack([corners, draw_edge_length(axes, corners)]))
+        draw_state(axes, CUBE_VIEW, state, largest)
         if letter == "a" and column == 0:
-            corner = np.array([axes.get_xlim()[0], axes.get_ylim()[0]])
-            draw_axes_cross(axes, CAMERA, corner + 0.1, 0.3)
-        own = table[table["deformation"] == load].set_index("step")
-        magnitude = MAGNITUDES[Load.kind_of(load)].format(own.loc[step, "magnitude"])
+            draw_axes_cross(axes, CUBE_VIEW, 0.3)
+        of_load, step = table[table["deformation"] == load].set_index("step"), int(state["step"])
+        magnitude = MAGNITUDES[Load.kind_of(load)].format(of_load.loc[step, "magnitude"])
         axes.set_title(f"{style.load_label(load)}\n{magnitude}", pad=1.0)
         style.panel_letter(axes, f"{letter}{column + 1}", dx_mm=4.0)
-        if step != own.index.max() or own.loc[step, "amplitude_limited"]:
-            note = "amplitude limit" if step == own.index.max() else "no equilibrium beyond"
+        if step != of_load.index.max() or of_load.loc[step, "amplitude_limited"]:
+            note = "amplitude limit" if step == of_load.index.max() else "no equilibrium beyond"
             axes.text(0.5, 0.0, note, transform=axes.transAxes, ha="center", va="top", fontsize=6.0)
     box = spec.get_position(figure)
     style.stretch_bar(figure, (0.92, box.y0 + 0.08 * box.height, 0.011, 0.75 * box.height), largest)
@@ -109,6 +92,5 @@ def _draw_networks(figure: Figure, spec: SubplotSpec, states: xr.Dataset, table:
 
 def _draw_eigenvalues(axes: Axes, table: pd.DataFrame, numbers: Mapping[str, int]) -> None:
     for load in table["deformation"].unique():
-        draw_load(axes, table[table["deformation"] == load], "largest_orientation_eigenvalue", numbers[load])
-    axes.set_xlabel("averaged fibre stretch $\\lambda_f$ (1)")
-    axes.set_ylabel("largest eigenvalue of $h$ (1)")
+        curves.draw_load(axes, table[table["deformation"] == load], "largest_orientation_eigenvalue", numbers[load])
+    axes.set(xlabel="averaged fibre stretch $\\lambda_f$ (1)", ylabel="largest eigenvalue of $h$ (1)")

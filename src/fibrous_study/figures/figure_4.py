@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,21 +18,18 @@ from matplotlib.patches import FancyArrowPatch, FancyBboxPatch, PathPatch
 from matplotlib.path import Path as Outline
 from matplotlib.ticker import MaxNLocator
 
+from fibrous.curves import Curves
 from fibrous.errors import DatasetError
 from fibrous.fitting.hgo import strain_energy
 from fibrous_study.curve_datasets import read_curves
 from fibrous_study.datasets import read, read_table, write_table
 from fibrous_study.figures import style
-from fibrous_study.figures.deformed import CAMERA, Run, field_scale, last_step, show_bodies
-from fibrous_study.figures.figure_3 import CAMERA as NETWORK_CAMERA
+from fibrous_study.figures.deformed import Body, Run, field_scale, last_step
 from fibrous_study.figures.flow import Chart, chart
-from fibrous_study.figures.networks import fibers_of
-from fibrous_study.figures.projection import draw_fibers, draw_outline, fit_view
-from fibrous_study.figures.surface_of_mesh import Surface, draw_directions, draw_edges, draw_surface
+from fibrous_study.figures.projection import CUBE_VIEW, draw_network, fibers_of
+from fibrous_study.fit_tables import ALL, LOAD, SINGLE, fits_of
 
 SHOWN = "maximum_shear_stress_MPa"
-FIT_COLUMNS = ("network", "load_set", "deformation", "energy", "objective", "C2_MPa", "C3")
-SINGLE, ALL = "single", "all"
 KPA = 1e3  # in MPa
 ACCENT = "#D55E00"
 TITLES = (
@@ -44,22 +40,6 @@ TITLES = (
     "along what they\nfound: the refit",
     "finite elements\nonce more",
 )
-
-
-@dataclass(frozen=True)
-class Followed:
-    """One element through the method.
-
-    element : its number; fibers : of its network, shape (fibers, 2, 3), edges
-    first, again : its curves, each (λ_f, W in MPa) by load, and the constants fitted to them, (C2 in MPa, C3)
-    """
-
-    element: int
-    fibers: np.ndarray
-    first: Mapping[str, tuple[np.ndarray, np.ndarray]]
-    first_constants: tuple[float, float]
-    again: Mapping[str, tuple[np.ndarray, np.ndarray]]
-    again_constants: tuple[float, float]
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
@@ -74,21 +54,20 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     runs = [last_step(path, specimen) for path in inputs["tissue"]]
     element = int(np.argmax(runs[0].elements["largest_principal_stretch"]))
     network = int(specimen["element_network"].values[element])
-    followed = Followed(
-        element,
-        _fibers(inputs["networks"], network),
-        _curves(inputs["curves"], network, config["load_set"]["loads"]),
-        _constants(inputs["fits"][0], network, config["load_set"]["name"], ALL),
-        _curves(inputs["refit_curves"], network, None),
-        _constants(inputs["refits"][0], network, SINGLE, None),
-    )
-    write_table(curve_points(followed), outputs["data"], params)
-    style.save(draw(specimen, runs, followed, stages_of(inputs["stages"][0])), outputs, params)
+    loads, load_set = config["load_set"]["loads"], config["load_set"]["name"]
+    first = _curves(inputs["curves"], network).under(loads), _constants(inputs["fits"][0], network, load_set, ALL)
+    refit = _curves(inputs["refit_curves"], network), _constants(inputs["refits"][0], network, SINGLE, LOAD)
+    points = pd.concat([_points("a3", *first), _points("a5", *refit)], ignore_index=True).assign(element=element)
+    columns = ["panel", "element", "kind", "series"]
+    points = points[[*columns, *points.columns.difference(columns, sort=False)]]
+    write_table(points, outputs["data"], params)
+    fibers = _fibers(inputs["networks"], network)
+    style.save(draw(specimen, runs, element, fibers, points, stages_of(inputs["stages"][0])), outputs, params)
 
 
 def stages_of(path: Path) -> list[dict[str, Any]]:
     """Stages of the table that write data: `stage`, those that it `reads`, its `jobs`, the figures `drawn` of it."""
-    table = read_table(path, ("stage", "reads", "jobs")).fillna({"reads": ""})
+    table = read_table(path, "stages")
     reads = {row["stage"]: row["reads"].split(", ") if row["reads"] else [] for row in table.to_dict("records")}
     figures = [name for name in reads if name.startswith("figure_")]
     return [
@@ -96,51 +75,40 @@ def stages_of(path: Path) -> list[dict[str, Any]]:
             "stage": name,
             "reads": reads[name],
             "jobs": int(jobs),
-            "drawn": [one for one in figures if name in reads[one]],
+            "drawn": [figure for figure in figures if name in reads[figure]],
         }
         for name, jobs in zip(table["stage"], table["jobs"], strict=True)
         if name not in figures
     ]
 
 
-def curve_points(followed: Followed) -> pd.DataFrame:
-    """What panels a3 and a5 draw, one row a point: states of the network, and the curve fitted to them."""
-    tables = []
-    for panel, curves, constants in (
-        ("a3", followed.first, followed.first_constants),
-        ("a5", followed.again, followed.again_constants),
-    ):
-        tables += [
-            pd.DataFrame({"averaged_stretch": stretch, "strain_energy_density_MPa": energy}).assign(
-                panel=panel, kind="network", series=load
-            )
-            for load, (stretch, energy) in curves.items()
-        ]
-        stretch = np.linspace(1.0, max(one.max() for one, _ in curves.values()), 101)
-        fitted = pd.DataFrame(
-            {"averaged_stretch": stretch, "strain_energy_density_MPa": strain_energy(*constants, stretch)}
-        )
-        tables.append(fitted.assign(panel=panel, kind="fit", series="Eq. 2", C2_MPa=constants[0], C3=constants[1]))
-    table = pd.concat(tables, ignore_index=True).assign(element=followed.element)
-    first = ["panel", "element", "kind", "series"]
-    return table[[*first, *table.columns.difference(first, sort=False)]]
-
-
 @matplotlib.rc_context(style.SHEET)
-def draw(specimen: xr.Dataset, runs: Sequence[Run], followed: Followed, stages: Sequence[Mapping[str, Any]]) -> Figure:
-    """Panels a1 to a6 in a row above b, the flow chart of the stages."""
+def draw(
+    specimen: xr.Dataset,
+    runs: Sequence[Run],
+    element: int,
+    fibers: np.ndarray,
+    points: pd.DataFrame,
+    stages: Sequence[Mapping[str, Any]],
+) -> Figure:
+    """Panels a1 to a6 in a row above b, the flow chart of the stages.
+
+    `fibers` (see fibers_of) are those of the network of `element`, `points` its curves and fits, a row a point.
+    """
     figure = style.new_figure(style.FULL_WIDTH_MM, 138.0)
     lefts = [0.005, 0.175, 0.365, 0.50, 0.705, 0.835]
     widths = [0.155, 0.135, 0.105, 0.155, 0.105, 0.155]
     panels = [figure.add_axes((left, 0.68, width, 0.215)) for left, width in zip(lefts, widths, strict=True)]
-    points = curve_points(followed)
-    _draw_specimen(panels[0], specimen, runs, followed.element)
-    gray = np.full((len(followed.fibers), 3), 0.25)
-    draw_fibers(panels[1], NETWORK_CAMERA, followed.fibers, gray, width=0.25, fade=0.6)
-    fit_view(panels[1], draw_outline(panels[1], NETWORK_CAMERA, np.eye(3)))
-    colors = ScalarMappable(field_scale([one.elements[SHOWN] for one in runs]), "viridis")
-    for axes, one in zip((panels[3], panels[5]), runs, strict=True):
-        _draw_run(axes, specimen, one, runs, colors)
+    body, marked = Body.of(specimen), np.zeros(specimen.sizes["element"])
+    marked[element] = 1.0
+    colors = ScalarMappable(Normalize(0.0, 1.0), ListedColormap(["#e8e8e8", ACCENT]))
+    body.draw_at_rest(panels[0], marked, colors, specimen["fiber_direction"].values, 0.1, 0.4, 0.4)
+    draw_network(panels[1], CUBE_VIEW, fibers, 0.25, width=0.25, fade=0.6)
+    colors = ScalarMappable(field_scale([run.elements[SHOWN] for run in runs]), "viridis")
+    for axes, run in zip((panels[3], panels[5]), runs, strict=True):
+        body.draw(axes, run.position, run.elements[SHOWN], colors)
+    for axes in (panels[0], panels[3], panels[5]):
+        body.show(axes, runs)
     for axes, panel in ((panels[2], "a3"), (panels[4], "a5")):
         _draw_curves(axes, points[points["panel"] == panel])
     for number, (axes, title) in enumerate(zip(panels, TITLES, strict=True), start=1):
@@ -148,7 +116,7 @@ def draw(specimen: xr.Dataset, runs: Sequence[Run], followed: Followed, stages: 
         figure.text(left, 0.965, f"a{number}", fontsize=8.0, fontweight="bold", va="top")
         figure.text(left + 0.026, 0.966, title, va="top")
     for x in (0.163, 0.3165, 0.487, 0.652, 0.825):
-        _draw_arrow(figure, x)
+        style.arrow_between_panels(figure, x, 0.79, 0.014, width=1.1, head=8.0)
     origin = specimen.attrs["origin"].capitalize()
     figure.text(0.005, 0.006, f"{origin}. Colour of a4 and a6: maximum shear stress.", fontsize=6.0)
     axes = figure.add_axes((0.005, 0.03, 0.99, 0.57))
@@ -159,16 +127,16 @@ def draw(specimen: xr.Dataset, runs: Sequence[Run], followed: Followed, stages: 
 
 def draw_stages(axes: Axes, stages: Sequence[Mapping[str, Any]]) -> None:
     """The flow chart: a box a stage with its number of jobs and the figures drawn of it, arrows for reading."""
-    reads = {stage["stage"]: [one for one in stage["reads"] if one != stage["stage"]] for stage in stages}
-    found = chart(reads)
-    heights = [height for _, height in found.position.values()]
-    bends = [height for path in found.paths.values() for _, height in path]
-    layers = max(layer for layer, _ in found.position.values())
-    for path in found.paths.values():
+    reads = {stage["stage"]: [name for name in stage["reads"] if name != stage["stage"]] for stage in stages}
+    flow = chart(reads)
+    heights = [height for _, height in flow.position.values()]
+    bends = [height for path in flow.paths.values() for _, height in path]
+    layers = max(layer for layer, _ in flow.position.values())
+    for path in flow.paths.values():
         _draw_path(axes, path)
-    _draw_back(axes, found)
+    _draw_back(axes, flow)
     for stage in stages:
-        _draw_box(axes, found.position[stage["stage"]], stage)
+        _draw_box(axes, flow.position[stage["stage"]], stage)
     bottom, top = max(max(heights) + 0.55, max(bends) + 0.1), min(min(heights) - 0.95, min(bends) - 0.1)
     axes.set(xlim=(-0.5, layers + 0.5), ylim=(bottom, top))
     axes.set_axis_off()
@@ -208,11 +176,11 @@ def _draw_path(axes: Axes, points: Sequence[tuple[float, float]]) -> None:
     _draw_head(axes, vertices[-1], (1.0, 0.0), style.FAINT)
 
 
-def _draw_back(axes: Axes, found: Chart) -> None:
+def _draw_back(axes: Axes, flow: Chart) -> None:
     """Edges that close a loop leave to the right, run above all boxes, and are broken and in a colour."""
-    top = min(height for _, height in found.position.values()) - 0.75
-    for one, other in found.back:
-        (x, y), (end, height) = found.position[one], found.position[other]
+    top = min(height for _, height in flow.position.values()) - 0.75
+    for writer, reader in flow.back:
+        (x, y), (end, height) = flow.position[writer], flow.position[reader]
         leaving, tip = y - 0.5 * HALF_HEIGHT, (end, height - HALF_HEIGHT - 0.05)
         vertices = [(x + HALF_WIDTH, leaving), (x + 0.5, leaving), (x + 0.5, top), (end, top), tip]
         codes = [Outline.MOVETO] + [Outline.LINETO] * (len(vertices) - 1)
@@ -224,24 +192,6 @@ def _draw_back(axes: Axes, found: Chart) -> None:
 def _draw_head(axes: Axes, at: tuple[float, float], direction: tuple[float, float], color: str) -> None:
     start = (at[0] - 0.05 * direction[0], at[1] - 0.05 * direction[1])
     axes.add_patch(FancyArrowPatch(start, at, zorder=3, **style.arrow(0.7, 5.0, color)))
-
-
-def _draw_specimen(axes: Axes, specimen: xr.Dataset, runs: Sequence[Run], element: int) -> None:
-    surface, rest = Surface.of(specimen["element_nodes"].values), specimen["node_position"].values
-    marked = np.zeros(specimen.sizes["element"])
-    marked[element] = 1.0
-    colors = ScalarMappable(Normalize(0.0, 1.0), ListedColormap(["#e8e8e8", ACCENT]))
-    draw_surface(axes, CAMERA, surface, rest, marked, colors, mesh_width=0.1)
-    draw_directions(axes, CAMERA, surface, rest, specimen["fiber_direction"].values, width=0.4)
-    draw_edges(axes, CAMERA, rest, surface.sharp_edges(rest), style.INK, width=0.4, order=1)
-    show_bodies(axes, [rest, *(one.position for one in runs)])
-
-
-def _draw_run(axes: Axes, specimen: xr.Dataset, one: Run, runs: Sequence[Run], colors: ScalarMappable) -> None:
-    surface, rest = Surface.of(specimen["element_nodes"].values), specimen["node_position"].values
-    draw_surface(axes, CAMERA, surface, one.position, one.elements[SHOWN], colors)
-    draw_edges(axes, CAMERA, one.position, surface.sharp_edges(rest), style.INK, width=0.4, order=1)
-    show_bodies(axes, [rest, *(other.position for other in runs)])
 
 
 def _draw_curves(axes: Axes, points: pd.DataFrame) -> None:
@@ -262,39 +212,42 @@ def _draw_curves(axes: Axes, points: pd.DataFrame) -> None:
     axes.set_ylabel("$W$ (kPa)", labelpad=1.0)
 
 
-def _draw_arrow(figure: Figure, middle: float) -> None:
-    ends = [(middle + shift, 0.79) for shift in (-0.007, 0.007)]
-    figure.add_artist(FancyArrowPatch(*ends, transform=figure.transFigure, **style.arrow(1.1, 8.0)))
+def _points(panel: str, curves: Curves, constants: tuple[float, float]) -> pd.DataFrame:
+    """What a panel draws of one network, one row a point: its converged states, and Eq. 2 with these constants."""
+    names = ("averaged_stretch", "strain_energy_density_MPa")
+    tables = []
+    for load, known, *state in zip(
+        curves.loads, curves.converged[0], curves.averaged_stretch[0], curves.strain_energy_density[0], strict=True
+    ):
+        states = pd.DataFrame({name: values[known] for name, values in zip(names, state, strict=True)})
+        tables.append(states.assign(panel=panel, kind="network", series=load))
+    stretch = np.linspace(1.0, max(states["averaged_stretch"].max() for states in tables), 101)
+    fitted = pd.DataFrame(dict(zip(names, (stretch, strain_energy(*constants, stretch)), strict=True)))
+    tables.append(fitted.assign(panel=panel, kind="fit", series="Eq. 2", C2_MPa=constants[0], C3=constants[1]))
+    return pd.concat(tables, ignore_index=True)
 
 
 def _fibers(paths: list[Path], network: int) -> np.ndarray:
     for path in paths:
         networks = read(path, "networks")
-        found = np.flatnonzero(networks["network"].values == network)
-        if found.size:
-            return fibers_of(networks, int(found[0]))
+        numbers = networks["network"].values.tolist()
+        if network in numbers:
+            return fibers_of(networks, numbers.index(network))
     raise DatasetError(f"{paths[0].parent}: no file holds network {network}; delete the networks and run again")
 
 
-def _curves(paths: list[Path], network: int, loads: Sequence[str] | None) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """λ_f and W (MPa) of the converged states of each of the loads, or of all that the file holds."""
+def _curves(paths: list[Path], network: int) -> Curves:
+    """The curves of one network."""
     curves = read_curves(paths)
-    curves = curves.of(curves.numbers == network)
-    if not len(curves.numbers):
+    if network not in curves.numbers:
         raise DatasetError(f"{paths[0].parent}: no file holds network {network}; delete the curves and run again")
-    curves = curves if loads is None else curves.under(loads)
-    kept, stretch, energy = curves.converged[0], curves.averaged_stretch[0], curves.strain_energy_density[0]
-    return {load: (stretch[i, kept[i]], energy[i, kept[i]]) for i, load in enumerate(curves.loads)}
+    return curves.of(curves.numbers == network)
 
 
-def _constants(path: Path, network: int, load_set: str, deformation: str | None) -> tuple[float, float]:
+def _constants(path: Path, network: int, load_set: str, deformation: str) -> tuple[float, float]:
     """C2 (MPa) and C3 of Eq. 2 that were fitted to the energy of the network under these loads."""
-    table = read_table(path, FIT_COLUMNS)
-    kept = (table["network"] == network) & (table["load_set"] == load_set) & (table["energy"] == "structure_tensor")
-    kept &= table["objective"].isin(("energy", "slope"))  # section 2.5 may fit a slope in place of an energy
-    if deformation is not None:
-        kept &= table["deformation"] == deformation
-    if kept.sum() != 1:
-        raise DatasetError(f"{path}: holds {kept.sum()} fits of network {network} where one is drawn; run again")
-    row = table[kept].iloc[0]
-    return float(row["C2_MPa"]), float(row["C3"])
+    fits = fits_of(read_table(path, "fits"), "structure_tensor", "energy", load_set, deformation)
+    fits = fits[fits["network"] == network]
+    if len(fits) != 1:
+        raise DatasetError(f"{path}: holds {len(fits)} fits of network {network} where one is drawn; run again")
+    return float(fits["C2_MPa"].iloc[0]), float(fits["C3"].iloc[0])

@@ -12,18 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from fibrous_study.datasets import write_table
-from fibrous_study.figures import style
-from fibrous_study.figures.curves import (
-    amplitude,
-    curve_table,
-    draw_energies,
-    energy_table,
-    fit_label,
-    load_handles,
-    load_numbers,
-    pooled_fits,
-    stacked,
-)
+from fibrous_study.figures import curves, style
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
@@ -34,11 +23,11 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     """
     config = params["config"]
     network, protocols = config["network"], config["protocols"]
-    paths = zip(protocols, inputs["curves"], inputs["fits"], strict=True)
-    curves = {protocol: (curve_table(curve, network), pooled_fits(fit)) for protocol, curve, fit in paths}
-    states = stacked({protocol: table for protocol, (table, _) in curves.items()}, "protocol")
-    fits = stacked({protocol: fits[fits["name"] == network] for protocol, (_, fits) in curves.items()}, "protocol")
-    table = energy_table(states, fits, "protocol")
+    tables = dict(zip(protocols, (curves.curve_table(path, network) for path in inputs["curves"]), strict=True))
+    states = curves.stacked(tables, "protocol")
+    fits = curves.stacked(dict(zip(protocols, map(curves.pooled_fits, inputs["fits"]), strict=True)), "protocol")
+    fits = fits[fits["name"] == network]
+    table = curves.energy_table(states, fits, "protocol")
     write_table(table, outputs["data"], params)
     style.save(draw(states, fits, table, config["load_sets"]), outputs, params)
 
@@ -50,23 +39,17 @@ def draw(states: pd.DataFrame, fits: pd.DataFrame, table: pd.DataFrame, load_set
     grid = figure.add_gridspec(1, 2, left=0.065, right=0.985, top=0.865, bottom=0.11, wspace=0.17)
     for column, protocol in enumerate(states["protocol"].unique()):
         axes = figure.add_subplot(grid[column])
-        own = states[states["protocol"] == protocol]
-        curves = table[(table["protocol"] == protocol) & (table["kind"] == "fit")]
-        beyond = draw_energies(axes, own, curves, load_sets[0]["loads"], load_numbers(states))
-        handles = _fit_handles(fits[fits["protocol"] == protocol], load_sets)
+        in_protocol = states[states["protocol"] == protocol]
+        fitted = table[(table["protocol"] == protocol) & (table["kind"] == "fit")]
+        beyond = curves.draw_energies(axes, in_protocol, fitted, load_sets[0]["loads"], curves.load_numbers(states))
+        handles = []
+        for fit in fits[fits["protocol"] == protocol].to_dict("records"):
+            number = [load_set["name"] for load_set in load_sets].index(fit["load_set"])
+            label = f"Eq. 2 to {style.load_set_label(load_sets, number)}\n{curves.fit_label(fit, ', ')}"
+            handles.append(Line2D([], [], **style.fit_style(number), label=label))
         handles += [Line2D([], [], ls="none", label=f"{load} leaves the panel,\n{end}") for load, end in beyond.items()]
-        title = f"{amplitude(own)},\n$\\lambda_f$ ≤ {own['averaged_stretch'].max():.3f}"
+        title = f"{curves.amplitude(in_protocol)},\n$\\lambda_f$ ≤ {in_protocol['averaged_stretch'].max():.3f}"
         axes.legend(handles=handles, loc="upper left", title=title, alignment="left")
         style.panel_letter(axes, "abcdefgh"[column])
-    figure.legend(handles=load_handles(states), loc="upper center", ncols=6, fontsize=6.5)
+    figure.legend(handles=curves.load_handles(states), loc="upper center", ncols=6, fontsize=6.5)
     return figure
-
-
-def _fit_handles(fits: pd.DataFrame, load_sets: list[dict[str, Any]]) -> list[Line2D]:
-    numbers = {load_set["name"]: number for number, load_set in enumerate(load_sets)}
-    handles = []
-    for fit in fits.to_dict("records"):
-        number = numbers[fit["load_set"]]
-        label = f"Eq. 2 to {style.load_set_label(load_sets, number)}\n{fit_label(fit, ', ')}"
-        handles.append(Line2D([], [], **style.fit_style(number), label=label))
-    return handles

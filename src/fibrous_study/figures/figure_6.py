@@ -18,34 +18,11 @@ from matplotlib.ticker import MaxNLocator
 
 from fibrous.fitting.surface import Region, evaluate
 from fibrous_study.datasets import read, write_table
-from fibrous_study.figures import style
-from fibrous_study.figures.curves import (
-    amplitude,
-    curve_table,
-    draw_energies,
-    energy_table,
-    fit_label,
-    load_handles,
-    load_numbers,
-    pooled_fits,
-    stacked,
-)
-from fibrous_study.figures.networks import fibers_of, index_of
-from fibrous_study.figures.projection import (
-    XY_VIEW,
-    XZ_VIEW,
-    Camera,
-    draw_axes_cross,
-    draw_fibers,
-    draw_outline,
-    fit_view,
-)
+from fibrous_study.figures import curves, style
+from fibrous_study.figures.projection import XY_VIEW, XZ_VIEW, draw_axes_cross, draw_network, fibers_of, index_of
 
 # constant of the surface: column of the fits, column of its half-width, label
-CONSTANTS = {
-    "C2": ("C2_MPa", "C2_half_width_MPa", "$C_2$ (MPa)"),
-    "C3": ("C3", "C3_half_width", "$C_3$ (1)"),
-}
+CONSTANTS = {"C2": ("C2_MPa", "C2_half_width_MPa", "$C_2$ (MPa)"), "C3": ("C3", "C3_half_width", "$C_3$ (1)")}
 # Percentiles of the networks' constants between which the colours run; a few networks lie far outside.
 COLORED_PERCENTILES = (2.0, 98.0)
 SURFACE_POINTS = 61
@@ -60,30 +37,26 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     """
     config = params["config"]
     names, load_set = config["networks"], config["load_sets"][0]
-    (named_path, ensemble_path), (curves_path,) = inputs["fits"], inputs["curves"]
     networks, surface = read(inputs["networks"][0], "networks"), read(inputs["surface"][0], "surface")
     surface = surface.sel(protocol=config["protocol"], load_set=load_set["name"])
 
-    states = stacked({name: curve_table(curves_path, name) for name in names}, "name")
+    states = curves.stacked({name: curves.curve_table(inputs["curves"][0], name) for name in names}, "name")
     states = states[states["deformation"].isin(load_set["loads"])]
-    fits = _of(load_set["name"], pooled_fits(named_path))
-    fits = fits.set_index("name").loc[names].reset_index()
-    curves = energy_table(states, fits, "name")
-    constants = _of(load_set["name"], pooled_fits(ensemble_path)).dropna(subset=["C2_MPa", "C3"])
+    named, ensemble = (fits[fits["load_set"] == load_set["name"]] for fits in map(curves.pooled_fits, inputs["fits"]))
+    fits = named.set_index("name").loc[names].reset_index()
+    energies = curves.energy_table(states, fits, "name")
+    constants = ensemble.dropna(subset=["C2_MPa", "C3"])
     fitted = surface_table(surface)
 
-    write_table(curves, outputs["curves"], params)
-    amplitude_of_surface = surface["lambda_f_max_range"].values
-    heading = {"protocol": config["protocol"], "load_set": load_set["name"]}
+    about = {"protocol": config["protocol"], "load_set": load_set["name"]}
+    least, largest = surface["lambda_f_max_range"].values
+    write_table(energies, outputs["curves"], params)
     columns = ["network", "H11", "H22", "lambda_f_max", "C2_MPa", "C3"]
-    write_table(constants[columns].assign(**heading), outputs["constants"], params)
-    ranges = dict(zip(("lambda_f_max_least", "lambda_f_max_largest"), amplitude_of_surface, strict=True))
-    write_table(fitted.assign(**heading, **ranges), outputs["surface"], params)
-    style.save(draw(networks, states, fits, curves, constants, fitted, surface), outputs, params)
-
-
-def _of(load_set: str, fits: pd.DataFrame) -> pd.DataFrame:
-    return fits[fits["load_set"] == load_set]
+    write_table(constants[columns].assign(**about), outputs["constants"], params)
+    write_table(
+        fitted.assign(**about, lambda_f_max_least=least, lambda_f_max_largest=largest), outputs["surface"], params
+    )
+    style.save(draw(networks, states, fits, energies, constants, fitted, surface), outputs, params)
 
 
 def surface_table(surface: xr.Dataset) -> pd.DataFrame:
@@ -104,7 +77,7 @@ def draw(
     networks: xr.Dataset,
     states: pd.DataFrame,
     fits: pd.DataFrame,
-    curves: pd.DataFrame,
+    energies: pd.DataFrame,
     constants: pd.DataFrame,
     fitted: pd.DataFrame,
     surface: xr.Dataset,
@@ -117,31 +90,26 @@ def draw(
         fibers, tensor = fibers_of(networks, index), networks["structure_tensor"].values[index]
         for row, (letter, camera) in enumerate({"a": XY_VIEW, "b": XZ_VIEW}.items()):
             axes = figure.add_subplot(grid[row, column])
-            _draw_network(axes, fibers, camera, with_cross=column == 0)
+            draw_network(axes, camera, fibers, 0.1, width=0.3, fade=0.85)
+            if column == 0:
+                draw_axes_cross(axes, camera, 0.17, np.array([-0.8, -0.47]))
             style.panel_letter(axes, f"{letter}{column + 1}", dy_mm=-2.5)
             if row == 0:
                 alignment = ", ".join(f"{component:.2f}" for component in np.diag(tensor))
                 axes.set_title(f"network {column + 1}\n$H$ = ({alignment})", pad=2.0)
         axes = figure.add_subplot(grid[2, column])
-        own = states[states["name"] == fit["name"]]
-        drawn = curves[(curves["name"] == fit["name"]) & (curves["kind"] == "fit")]
-        draw_energies(axes, own, drawn, own["deformation"].unique(), load_numbers(states))
-        axes.text(0.04, 1.0, fit_label(fit, "\n"), transform=axes.transAxes, va="top", fontsize=6.0)
+        of_network = states[states["name"] == fit["name"]]
+        drawn = energies[(energies["name"] == fit["name"]) & (energies["kind"] == "fit")]
+        curves.draw_energies(axes, of_network, drawn, of_network["deformation"].unique(), curves.load_numbers(states))
+        axes.text(0.04, 1.0, curves.fit_label(fit, "\n"), transform=axes.transAxes, va="top", fontsize=6.0)
         axes.set(xlabel="$\\lambda_f$ (1)", ylabel=axes.get_ylabel().removeprefix("strain energy density "))
         style.panel_letter(axes, f"c{column + 1}")
-    handles = [*load_handles(states), Line2D([], [], **style.fit_style(0), label="fit of Eq. 2")]
+    handles = [*curves.load_handles(states), Line2D([], [], **style.fit_style(0), label="fit of Eq. 2")]
     figure.legend(handles=handles, loc="upper center", ncols=8, bbox_to_anchor=(0.5, 0.384))
     notes = _draw_contours(figure, fits, constants, fitted, surface)
-    range_note = f"Fits and surface: load set {surface['load_set'].item()}, {amplitude(states)}."
+    range_note = f"Fits and surface: load set {surface['load_set'].item()}, {curves.amplitude(states)}."
     figure.text(0.035, 0.004, f"{range_note}\n{notes}", fontsize=6.0)
     return figure
-
-
-def _draw_network(axes: Axes, fibers: np.ndarray, camera: Camera, with_cross: bool) -> None:
-    draw_fibers(axes, camera, fibers, np.full((len(fibers), 3), 0.1), width=0.3, fade=0.85)
-    fit_view(axes, draw_outline(axes, camera, np.eye(3)))
-    if with_cross:
-        draw_axes_cross(axes, camera, np.array([-0.8, -0.47]), 0.17)
 
 
 def _draw_contours(
@@ -170,23 +138,19 @@ def _draw_contours(
             surface_axes.contour(H11, H22, value, levels=[0.0], colors="white", linestyles="--", linewidths=0.8)
         surface_axes.set_title(f"nine terms, $R^2$ = {float(surface['r_squared'].sel(constant=constant)):.3f}")
         for axes, letter in ((data_axes, "de"[column]), (surface_axes, "fg"[column])):
-            _finish(axes, letter, fits)
-            axes.set(xlim=_padded(H11), ylim=_padded(H22))
+            _finish(axes, letter, fits, H11, H22)
             box = axes.get_position()
             bar = figure.add_axes((box.x0, 0.083, box.width, 0.009))
             figure.colorbar(filled, cax=bar, orientation="horizontal", label=label, ticks=levels[::2])
     return ". ".join([*notes, "Dashed: the surface is 0."])
 
 
-def _padded(values: np.ndarray) -> tuple[float, float]:
-    pad = 0.02 * float(np.ptp(values))
-    return float(values.min()) - pad, float(values.max()) + pad
-
-
-def _finish(axes: Axes, letter: str, fits: pd.DataFrame) -> None:
+def _finish(axes: Axes, letter: str, fits: pd.DataFrame, H11: np.ndarray, H22: np.ndarray) -> None:
+    """Number the networks at their alignments, show these alignments with a margin, and write labels."""
     halo = [patheffects.withStroke(linewidth=1.6, foreground="white")]
     for number, fit in enumerate(fits.to_dict("records"), start=1):
-        place = (fit["H11"], fit["H22"])
-        axes.text(*place, str(number), ha="center", va="center", fontsize=7.0, fontweight="bold", path_effects=halo)
-    axes.set(xlabel="$H_{11}$ (1)", ylabel="$H_{22}$ (1)")
+        at = (fit["H11"], fit["H22"])
+        axes.text(*at, str(number), ha="center", va="center", fontsize=7.0, fontweight="bold", path_effects=halo)
     style.panel_letter(axes, letter)
+    x, y = ((values.min() - 0.02 * np.ptp(values), values.max() + 0.02 * np.ptp(values)) for values in (H11, H22))
+    axes.set(xlabel="$H_{11}$ (1)", ylabel="$H_{22}$ (1)", xlim=x, ylim=y)

@@ -47,34 +47,27 @@ def numbers(panels: Mapping[str, Any]) -> pd.DataFrame:
     rows = []
     for panel, paper in panels.items():
         stretch = float(Fraction(paper["stretch"]))
-        balanced, moved = (_quantities(state(stretch)) for state in (equilibrium, affine))
-        for quantity in ROWS:
+        for quantity, balanced, moved in zip(
+            ROWS, _quantities(equilibrium(stretch)), _quantities(affine(stretch)), strict=True
+        ):
             printed = paper["printed"].get(quantity)
-            number = float(Fraction(printed)) if printed else np.nan
             described = "both" if quantity == "lambda_f" else paper["describes"]
-            rows.append((panel, quantity, balanced[quantity], moved[quantity], number, described if printed else ""))
+            number, described = (float(Fraction(printed)), described) if printed else (np.nan, "")
+            rows.append((panel, quantity, balanced, moved, number, described))
     return pd.DataFrame(rows, columns=["panel", "quantity", "equilibrium", "affine", "paper", "paper_describes"])
 
 
-def _quantities(state: State) -> dict[str, float]:
-    return {
-        "lambda_f": state.averaged_stretch,
-        "L1": float(state.lengths[0]),
-        "L2": float(state.lengths[1]),
-        "theta_deg": state.angle,
-        "stretch_1": float(state.fiber_stretches[0]),
-        "stretch_2": float(state.fiber_stretches[1]),
-        "mean": state.mean_stretch,
-    }
+def _quantities(state: State) -> tuple[float, ...]:
+    """The numbers of ROWS."""
+    return state.averaged_stretch, *state.lengths[:2], state.angle, *state.fiber_stretches[:2], state.mean_stretch
 
 
 @matplotlib.rc_context(style.SHEET)
 def draw(panels: Mapping[str, Any]) -> Figure:
     """The three states to one scale, fibres coloured by stretch, and under each the table of its numbers."""
     figure = style.new_figure(style.FULL_WIDTH_MM, 95.0)
-    grid = figure.add_gridspec(
-        2, 3, left=0.02, right=0.90, top=0.92, bottom=0.05, height_ratios=[1.25, 1], hspace=0.05, wspace=0.08
-    )
+    grid = figure.add_gridspec(2, 3, left=0.02, right=0.90, top=0.92, bottom=0.05, height_ratios=[1.25, 1])
+    grid.update(hspace=0.05, wspace=0.08)
     table = numbers(panels)
     for column, (panel, paper) in enumerate(panels.items()):
         stretch = float(Fraction(paper["stretch"]))
@@ -83,13 +76,9 @@ def draw(panels: Mapping[str, Any]) -> Figure:
         axes.set_title(TITLES[panel])
         style.panel_letter(axes, panel, dx_mm=4.0)
         _draw_table(figure.add_subplot(grid[1, column]), table[table["panel"] == panel], paper["printed"])
-    figure.text(
-        0.035,
-        0.02,
-        "Lengths in sides of the undeformed square. Bold: the state that the paper's number describes. "
-        "Dashed, hollow node: the affine state, out of balance in b and c.",
-        fontsize=6.0,
-    )
+    note = "Lengths in sides of the undeformed square. Bold: the state that the paper's number describes. "
+    note += "Dashed, hollow node: the affine state, out of balance in b and c."
+    figure.text(0.035, 0.02, note, fontsize=6.0)
     style.stretch_bar(figure, (0.925, 0.52, 0.013, 0.36), LARGEST_STRETCH)
     return figure
 
@@ -105,23 +94,20 @@ def _draw_state(axes: Axes, state: State, moved: State) -> None:
     for number, (anchor, color) in enumerate(zip(state.anchors, colors, strict=True), start=1):
         axes.plot(*np.transpose([anchor, state.node]), lw=2.5, color=color, solid_capstyle="round")
         axes.plot(*anchor, "s", color=style.INK, ms=3.0)
-        _name_fiber(axes, number, (anchor + state.node) / 2)
+        x, y = (anchor + state.node) / 2
+        if number == 1:
+            axes.text(x + 0.04, y, "$L_1$", ha="left", va="center")
+        else:
+            axes.text(x, y + 0.06, f"$L_{number}$", ha="center", va="bottom")
     axes.plot(*state.node, "o", color=style.INK, ms=4.0)
     if state.node_height > 0.0:
-        axes.add_patch(
-            Arc(tuple(state.node), 0.28, 0.28, theta1=270.0, theta2=270.0 + state.angle, ec=style.INK, lw=0.8)
-        )
+        corner = tuple(state.node)
+        axes.add_patch(Arc(corner, 0.28, 0.28, theta1=270.0, theta2=270.0 + state.angle, ec=style.INK, lw=0.8))
         axes.plot([0.0, 0.0], [state.node_height, state.node_height - 0.2], color=style.INK, lw=0.5)
         half = np.radians(state.angle / 2)
         axes.text(0.19 * np.sin(half), state.node_height - 0.21 * np.cos(half), "$\\theta$", ha="center", va="center")
     axes.set(xlim=(-0.85, 0.85), ylim=(-0.8, 0.8), aspect="equal")
     axes.set_axis_off()
-
-
-def _name_fiber(axes: Axes, number: int, middle: np.ndarray) -> None:
-    side = {1: (0.04, "left", "center"), 2: (0.0, "center", "bottom"), 3: (0.0, "center", "bottom")}[number]
-    dy = 0.0 if number == 1 else 0.06
-    axes.text(middle[0] + side[0], middle[1] + dy, f"$L_{number}$", ha=side[1], va=side[2])
 
 
 def _draw_table(axes: Axes, table: pd.DataFrame, paper: Mapping[str, str]) -> None:

@@ -8,7 +8,6 @@ from typing import Any
 
 import matplotlib
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -21,97 +20,73 @@ PANELS = {"a": ("initial", "initial fit"), "b": ("refit", "refit")}
 NORMAL, SHEAR = ("xx", "yy", "zz"), ("xy", "xz", "yz")
 KPA = 1e3  # in MPa
 MARKER: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 2.6, "mfc": "white", "mec": style.INK, "mew": 0.6}
-COLUMNS = (
-    "model", "constants", "law", "energy", "objective", "step", "magnitude", "averaged_stretch",
-    *(f"sigma_{name}_MPa" for name in (*NORMAL, *SHEAR)),
-)  # fmt: skip
+TEXTS = ("constants", "law", "energy", "objective")
+ABOUT = ("model", *TEXTS, "step", "magnitude", "averaged_stretch")
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
     """Draw the table inputs["stresses"]; writes outputs["data"], a row a point, and outputs["png"], outputs["svg"]."""
-    stresses = read_table(inputs["stresses"][0], COLUMNS)
-    texts = ["constants", "law", "energy", "objective"]
-    stresses[texts] = stresses[texts].fillna("")
-    write_table(drawn(stresses), outputs["data"], params)
+    stresses = read_table(inputs["stresses"][0], "section_2_6_stresses")
+    write_table(points(stresses), outputs["data"], params)
     style.save(draw(stresses), outputs, params)
 
 
-def shown_components(stresses: pd.DataFrame) -> list[str]:
-    """The normal stresses, and the shear stress that is largest in the network."""
+def largest_shear(stresses: pd.DataFrame) -> str:
+    """The shear component that is largest in the network."""
     network = stresses[stresses["model"] == NETWORK]
-    return [*NORMAL, max(SHEAR, key=lambda name: _largest(network, name))]
+    return max(SHEAR, key=lambda name: _largest(network, name))
 
 
-def drawn(stresses: pd.DataFrame) -> pd.DataFrame:
+def points(stresses: pd.DataFrame) -> pd.DataFrame:
     """What the panels draw, one row a point; in both are the network and what has no constants to fit again."""
     tables = []
     for panel, (constants, _) in PANELS.items():
-        own = stresses[stresses["constants"].isin(["", constants])]
-        for name in shown_components(stresses):
-            kept = own[["model", "constants", "law", "energy", "objective", "step", "magnitude", "averaged_stretch"]]
-            tables.append(kept.assign(stress_MPa=own[f"sigma_{name}_MPa"], panel=panel, component=name))
+        kept = stresses[stresses["constants"].isin(["", constants])]
+        for component in (*NORMAL, largest_shear(stresses)):
+            stress = kept[f"sigma_{component}_MPa"]
+            tables.append(kept[list(ABOUT)].assign(stress_MPa=stress, panel=panel, component=component))
     table = pd.concat(tables, ignore_index=True)
-    first = ["panel", "component"]
-    return table[[*first, *table.columns.difference(first, sort=False)]]
+    return table[["panel", "component", *ABOUT, "stress_MPa"]]
 
 
 @matplotlib.rc_context(style.SHEET)
 def draw(stresses: pd.DataFrame) -> Figure:
     """One column a panel, one row a component, both panels to the same scale."""
-    table = drawn(stresses)
-    components = shown_components(stresses)
+    table = points(stresses)
+    components = (*NORMAL, largest_shear(stresses))
+    laws = stresses[stresses["model"] != NETWORK].drop_duplicates("model").to_dict("records")
+    looks = {NETWORK: MARKER} | {law["model"]: style.law_line(number) for number, law in enumerate(laws)}
     figure = style.new_figure(style.COLUMN_WIDTH_MM, 158.0)
-    grid = figure.add_gridspec(
-        len(components), 2, left=0.125, right=0.985, top=0.905, bottom=0.084, wspace=0.1, hspace=0.14
-    )
+    grid = figure.add_gridspec(len(components), 2, left=0.125, right=0.985, top=0.905, bottom=0.084)
+    grid.update(wspace=0.1, hspace=0.14)
+    panels = grid.subplots(sharey="row", squeeze=False)
     for row, component in enumerate(components):
-        left: Axes | None = None
-        for column, (letter, (_, title)) in enumerate(PANELS.items()):
-            axes = figure.add_subplot(grid[row, column], sharey=left)
-            own = table[(table["panel"] == letter) & (table["component"] == component)]
-            _draw_stresses(axes, own, _numbers(stresses))
-            axes.tick_params(labelbottom=row == len(components) - 1, labelleft=left is None)
-            if left is None:
+        for axes, (letter, (_, title)) in zip(panels[row], PANELS.items(), strict=True):
+            shown = table[(table["panel"] == letter) & (table["component"] == component)]
+            for model, states in shown.groupby("model", sort=False):
+                order = 2 if model == NETWORK else 3
+                axes.plot(states["magnitude"], KPA * states["stress_MPa"], **looks[model], zorder=order)
+            axes.margins(x=0.03)
+            axes.set_xticks([0.0, 0.5, 1.0])
+            axes.tick_params(labelbottom=row == len(components) - 1, labelleft=letter == "a")
+            if letter == "a":
                 axes.set_ylabel(f"$\\sigma_{{{component}}}$ (kPa)")
             if row == 0:
                 axes.set_title(title)
                 style.panel_letter(axes, letter)
             if row == len(components) - 1:
                 axes.set_xlabel("part of Eq. 9's $F - I$ (1)")
-            left = left or axes
     figure.align_ylabels()
-    figure.legend(handles=_handles(stresses), loc="upper center", ncols=2, handlelength=2.6, columnspacing=1.2)
+    labels = ["network", *(law_label(law) for law in laws)]
+    handles = [Line2D([], [], **look, label=label) for look, label in zip(looks.values(), labels, strict=True)]
+    figure.legend(handles=handles, loc="upper center", ncols=2, handlelength=2.6, columnspacing=1.2)
     figure.text(0.015, 0.008, _note(stresses), fontsize=6.0)
     return figure
 
 
-def _numbers(stresses: pd.DataFrame) -> dict[str, int]:
-    """Each law's number in the table, which decides its colour and line."""
-    laws = [name for name in stresses["model"].unique() if name != NETWORK]
-    return {str(name): number for number, name in enumerate(laws)}
-
-
-def _draw_stresses(axes: Axes, table: pd.DataFrame, numbers: Mapping[str, int]) -> None:
-    for model, states in table.groupby("model", sort=False):
-        look = MARKER if model == NETWORK else style.model_style(numbers[str(model)])
-        order = 2 if model == NETWORK else 3
-        axes.plot(states["magnitude"], KPA * states["stress_MPa"], **look, zorder=order)
-    axes.margins(x=0.03)
-    axes.set_xticks([0.0, 0.5, 1.0])
-
-
-def _handles(stresses: pd.DataFrame) -> list[Line2D]:
-    handles = [Line2D([], [], **MARKER, label="network")]
-    numbers = _numbers(stresses)
-    for model in stresses.drop_duplicates("model").to_dict("records"):
-        if model["model"] != NETWORK:
-            handles.append(Line2D([], [], **style.model_style(numbers[model["model"]]), label=law_label(model)))
-    return handles
-
-
 def _note(stresses: pd.DataFrame) -> str:
     end = float(stresses["averaged_stretch"].iloc[-1])
-    hidden = [name for name in SHEAR if name not in shown_components(stresses)]
+    hidden = [name for name in SHEAR if name != largest_shear(stresses)]
     bound = KPA * max(_largest(stresses, name) for name in hidden)
     names = " and ".join(f"$\\sigma_{{{name}}}$" for name in hidden)
     return (

@@ -13,13 +13,11 @@ import xarray as xr
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.gridspec import SubplotSpec
 from matplotlib.transforms import Bbox
 
 from fibrous_study.datasets import read, write_table
 from fibrous_study.figures import style
-from fibrous_study.figures.deformed import CAMERA, COLORED_SHARE, Run, draw_bar, field_scale, last_step, show_bodies
-from fibrous_study.figures.surface_of_mesh import Surface, draw_edges, draw_surface
+from fibrous_study.figures.deformed import Body, Run, draw_bar, field_scale, last_step
 
 # Rows of panels: column of the table, label of the colours, unit.
 FIELDS = (
@@ -47,8 +45,8 @@ def element_table(runs: list[Run]) -> pd.DataFrame:
     """One row an element: the fields of each run, and the errors from the first one under `{run}_error_…`."""
     columns: dict[str, np.ndarray] = {"element": np.arange(len(runs[0].elements[FIELDS[0][0]]))}
     for name, _, _ in FIELDS:
-        columns |= {f"{one.name}_{name}": one.elements[name] for one in runs}
-        columns |= {f"{one.name}_error_{name}": _error(one, runs[0], name) for one in runs[1:]}
+        columns |= {f"{run.name}_{name}": run.elements[name] for run in runs}
+        columns |= {f"{run.name}_error_{name}": run.elements[name] - runs[0].elements[name] for run in runs[1:]}
     return pd.DataFrame(columns)
 
 
@@ -58,45 +56,34 @@ def draw(specimen: xr.Dataset, runs: list[Run]) -> Figure:
     figure = style.new_figure(style.FULL_WIDTH_MM, 118.0)
     cells = figure.add_gridspec(len(FIELDS), 2 * len(runs) - 1, left=0.01, right=0.99, bottom=0.165, top=0.93)
     cells.update(hspace=0.5, wspace=0.03)
-    surface = Surface.of(specimen["element_nodes"].values)
-    rest = specimen["node_position"].values
-    edges = surface.sharp_edges(rest)
-    titles = [*TITLES, *(f"{title} − {TITLES[0]}" for title in TITLES[1:])]
+    body, table, drawn, count = Body.of(specimen), element_table(runs), [*runs, *runs[1:]], len(runs)
     for row, (name, label, unit) in enumerate(FIELDS):
-        shown = [one.elements[name] for one in runs] + [_error(one, runs[0], name) for one in runs[1:]]
-        fields = ScalarMappable(field_scale(shown[: len(runs)]), FIELD_MAP)
-        errors = ScalarMappable(error_scale(shown[len(runs) :]), ERROR_MAP)
-        for column, (one, values) in enumerate(zip([*runs, *runs[1:]], shown, strict=True)):
+        columns = [f"{run.name}_{name}" for run in runs] + [f"{run.name}_error_{name}" for run in runs[1:]]
+        shown = [table[column].to_numpy() for column in columns]
+        fields = ScalarMappable(field_scale(shown[:count]), FIELD_MAP)
+        errors = ScalarMappable(error_scale(shown[count:]), ERROR_MAP)
+        for column, (run, values) in enumerate(zip(drawn, shown, strict=True)):
             axes = figure.add_subplot(cells[row, column])
-            colors = fields if column < len(runs) else errors
-            draw_surface(axes, CAMERA, surface, one.position, values, colors)
-            draw_edges(axes, CAMERA, one.position, edges, style.INK, width=0.4, order=1)
-            draw_edges(axes, CAMERA, rest, edges, style.INK, width=0.3, order=3)
-            show_bodies(axes, [rest, *(other.position for other in runs)])
-            title = titles[column]
-            if column >= len(runs):
+            body.draw(axes, run.position, values, fields if column < count else errors, rest_width=0.3)
+            body.show(axes, runs)
+            title = TITLES[column] if column < count else f"{TITLES[column - count + 1]} − {TITLES[0]}"
+            if column >= count:
                 title += f"\nRMS {np.sqrt(np.mean(values**2)):#.2g} {unit}".removesuffix(" 1")
             axes.set_title(title, pad=1.0)
             style.panel_letter(axes, f"{'ab'[row]}{column + 1}", dx_mm=4.0)
-        draw_bar(figure, _box(figure, cells[row, 0], cells[row, len(runs) - 1]), fields, f"{label} ({unit})", "max")
-        box = _box(figure, cells[row, len(runs)], cells[row, -1])
-        draw_bar(figure, box, errors, f"error of {label} ({unit})", "both")
+        boxes = [cells[row, column].get_position(figure) for column in range(len(drawn))]
+        draw_bar(figure, Bbox.union(boxes[:count]), fields, f"{label} ({unit})", "max")
+        draw_bar(figure, Bbox.union(boxes[count:]), errors, f"error of {label} ({unit})", "both")
     note = f"{specimen.attrs['origin'].capitalize()} at load step {runs[0].step}; means over the Gauss points of each "
-    note += f"element; lines are the edges at rest.\nColour scales hold {COLORED_SHARE:.0%} of the elements. Runs: "
-    note += f"{', '.join(one.name for one in runs)}."
+    note += (
+        f"element; lines are the edges at rest.\nColour scales hold {style.COLORED_SHARE:.0%} of the elements. Runs: "
+    )
+    note += f"{', '.join(run.name for run in runs)}."
     figure.text(0.012, 0.01, note, fontsize=6.0)
     return figure
 
 
 def error_scale(values: list[np.ndarray]) -> Normalize:
     """Zero in the middle, and COLORED_SHARE of the values on the scale."""
-    largest = float(np.quantile(np.abs(np.concatenate(values)), COLORED_SHARE))
+    largest = float(np.quantile(np.abs(np.concatenate(values)), style.COLORED_SHARE))
     return Normalize(-largest, largest)
-
-
-def _error(one: Run, reference: Run, name: str) -> np.ndarray:
-    return one.elements[name] - reference.elements[name]
-
-
-def _box(figure: Figure, first: SubplotSpec, last: SubplotSpec) -> Bbox:
-    return Bbox.union([first.get_position(figure), last.get_position(figure)])

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import matplotlib
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from fibrous_study.datasets import read_table, write_table
 from fibrous_study.figures import style
@@ -28,6 +27,7 @@ ERRORS = {
 LAW = ("run", "model", "law", "constants", "energy", "objective", "refits")
 NETWORK, MATRIX = "network", "matrix"
 PERCENT = 100.0
+REFIT_LINE = (0, (4, 1.5))
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
@@ -35,14 +35,13 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
 
     Writes outputs["data"], a row for each error at each load step, and outputs["png"], outputs["svg"].
     """
-    ends = read_table(inputs["comparison"][0], (*LAW, "specimen", *ERRORS))
-    ends[list(LAW)] = ends[list(LAW)].fillna("")
-    steps = read_table(inputs["steps"][0], ("run", "step", *ERRORS))
-    write_table(drawn(ends, steps), outputs["data"], params)
+    ends = read_table(inputs["comparison"][0], "comparison")
+    steps = read_table(inputs["steps"][0], "comparison_steps")
+    write_table(points(ends, steps), outputs["data"], params)
     style.save(draw(ends, steps), outputs, params)
 
 
-def drawn(ends: pd.DataFrame, steps: pd.DataFrame) -> pd.DataFrame:
+def points(ends: pd.DataFrame, steps: pd.DataFrame) -> pd.DataFrame:
     """What the panels draw, one row a point: the errors of each law at each step, without runs of the networks."""
     table = ends.loc[ends["law"] != NETWORK, list(LAW)].merge(steps, on="run", sort=False)
     return table.melt([*LAW, "step"], list(ERRORS), "quantity", "relative_error")
@@ -51,7 +50,7 @@ def drawn(ends: pd.DataFrame, steps: pd.DataFrame) -> pd.DataFrame:
 @matplotlib.rc_context(style.SHEET)
 def draw(ends: pd.DataFrame, steps: pd.DataFrame) -> Figure:
     """Upper panels: errors at the last step, one row a model; lower panels: errors over the steps."""
-    table = drawn(ends, steps)
+    table = points(ends, steps)
     models = table.drop_duplicates("model")
     looks = _looks(models)
     figure = style.new_figure(style.FULL_WIDTH_MM, 100.0)
@@ -61,72 +60,62 @@ def draw(ends: pd.DataFrame, steps: pd.DataFrame) -> Figure:
     )
     ends_axes, growth_axes = (cells.subplots(sharex=True, sharey=True, squeeze=False)[0] for cells in (upper, lower))
     for column, (quantity, title) in enumerate(ERRORS.items()):
-        own = table[table["quantity"] == quantity]
+        errors = table[table["quantity"] == quantity]
         above, below = ends_axes[column], growth_axes[column]
-        _draw_ends(above, own[own["step"] == own["step"].max()], looks)
+        _draw_ends(above, errors[errors["step"] == errors["step"].max()], looks)
         above.set_title(title)
         above.set_xlabel("RMS error (%)" if "rms" in quantity else "error (%)")
         style.panel_letter(above, f"a{column + 1}", dx_mm=1.0)
-        _draw_growth(below, own, looks)
+        _draw_growth(below, errors, looks)
         below.set_xlabel("load step")
         style.panel_letter(below, f"b{column + 1}", dx_mm=1.0)
     ends_axes[0].set_yticks(range(len(looks)), [law_label(model) for model in models.to_dict("records")])
     ends_axes[0].set_ylim(len(looks) - 0.5, -0.5)
     growth_axes[0].set_ylabel("error (%)")
     for axis in (ends_axes[0].xaxis, growth_axes[0].yaxis):
-        _show_percent(axis)
-    figure.legend(handles=_handles(), loc="lower left", bbox_to_anchor=(0.005, 0.2), handlelength=2.6)
+        style.plain_ticks(axis, (1.0, 3.0))
+    looks_of_kinds = {"initial, or no fit": {**_fill(0), "ls": "-"}, "refit": {**_fill(1), "ls": REFIT_LINE}}
+    handles = [
+        Line2D([], [], color=style.INK, marker="o", ms=3.0, label=kind, **look) for kind, look in looks_of_kinds.items()
+    ]
+    figure.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.005, 0.2), handlelength=2.6)
     figure.text(0.012, 0.012, _note(ends), fontsize=6.0)
     return figure
 
 
 def _looks(models: pd.DataFrame) -> dict[str, dict[str, Any]]:
     """Colour and marker of each model; the matrix, which has no fibres, is grey."""
-    with_fibers = list(models.loc[models["law"] != MATRIX, "model"])
-    looks: dict[str, dict[str, Any]] = {name: {"color": style.FAINT, "marker": "x"} for name in models["model"]}
-    for number, name in enumerate(with_fibers):
-        looks[name] = {"color": style.model_style(number)["color"], "marker": style.model_marker(number)}
-    return looks
+    numbers = count()
+    return {
+        model: {"color": style.FAINT, "marker": "x"} if law == MATRIX else style.law_marker(next(numbers))
+        for model, law in zip(models["model"], models["law"], strict=True)
+    }
 
 
 def _draw_ends(axes: Axes, table: pd.DataFrame, looks: Mapping[str, dict[str, Any]]) -> None:
     for row, (name, look) in enumerate(looks.items()):
-        own = table[table["model"] == name].sort_values("refits", ascending=False)
-        axes.plot(PERCENT * own["relative_error"], [row] * len(own), color=look["color"], lw=0.8, zorder=2)
-        for one in own.to_dict("records"):
-            axes.plot(PERCENT * one["relative_error"], row, **look, **_fill(one["refits"]), ls="none", ms=4.0, zorder=3)
+        errors = table[table["model"] == name].sort_values("refits", ascending=False)
+        axes.plot(PERCENT * errors["relative_error"], [row] * len(errors), color=look["color"], lw=0.8, zorder=2)
+        for refits, error in zip(errors["refits"], PERCENT * errors["relative_error"], strict=True):
+            axes.plot(error, row, **look, **_fill(refits), ls="none", ms=4.0, zorder=3)
     axes.set_xscale("log")
     axes.tick_params(axis="y", left=False)
     axes.grid(axis="y", color=style.FAINT, lw=0.3, alpha=0.5)
 
 
 def _draw_growth(axes: Axes, table: pd.DataFrame, looks: Mapping[str, dict[str, Any]]) -> None:
-    for _, own in table.groupby("run", sort=False):
-        own, first = own.sort_values("step"), own.iloc[0]
-        line = "-" if first["refits"] == 0 else (0, (4, 1.5))
-        every = max(1, len(own) // 5)
+    for _, errors in table.groupby("run", sort=False):
+        errors, first = errors.sort_values("step"), errors.iloc[0]
+        line = "-" if first["refits"] == 0 else REFIT_LINE
+        every = max(1, len(errors) // 5)
         look = {**looks[first["model"]], **_fill(first["refits"])}
-        axes.plot(own["step"], PERCENT * own["relative_error"], **look, ls=line, ms=2.6, markevery=every)
+        axes.plot(errors["step"], PERCENT * errors["relative_error"], **look, ls=line, ms=2.6, markevery=every)
     axes.set_yscale("log")
 
 
 def _fill(refits: int) -> dict[str, Any]:
     """Markers of initial constants are open, so that a refit which changes nothing shows through."""
     return {"mfc": "none", "mew": 0.8} if refits == 0 else {"mew": 0.8}
-
-
-def _show_percent(axis: Axis) -> None:
-    """Ticks at 1 and 3 of each decade, written as plain numbers."""
-    axis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_locator(NullLocator())
-
-
-def _handles() -> list[Line2D]:
-    return [
-        Line2D([], [], color=style.INK, marker="o", ls="-", ms=3.0, **_fill(0), label="initial, or no fit"),
-        Line2D([], [], color=style.INK, marker="o", ls=(0, (4, 1.5)), ms=3.0, **_fill(1), label="refit"),
-    ]
 
 
 def _note(ends: pd.DataFrame) -> str:

@@ -12,12 +12,10 @@ import pandas as pd
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.gridspec import SubplotSpec
 
 from fibrous_study.datasets import read, write_table
 from fibrous_study.figures import style
-from fibrous_study.figures.figure_3 import CAMERA, COLORED_SHARE
-from fibrous_study.figures.projection import draw_axes_cross, draw_edge_length, draw_fibers, draw_outline, fit_view
+from fibrous_study.figures.projection import CUBE_VIEW, draw_axes_cross, draw_state
 
 MEAN = "mean"
 SHARES = np.linspace(0.0, 1.0, 101)
@@ -41,9 +39,9 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     style.save(draw(elements), outputs, params)
 
 
-def last_step(states: xr.Dataset) -> int:
-    """The last step at which the network found an equilibrium along the mean F of its element."""
-    return int(states["step"].values[np.flatnonzero(states["converged"].sel(path=MEAN).values)[-1]])
+def last_state(states: xr.Dataset) -> xr.Dataset:
+    """The states of the last step at which the network found an equilibrium along the mean F of its element."""
+    return states.isel(step=np.flatnonzero(states["converged"].sel(path=MEAN).values)[-1])
 
 
 def distributions(elements: Elements) -> pd.DataFrame:
@@ -54,7 +52,7 @@ def distributions(elements: Elements) -> pd.DataFrame:
     tables = []
     for element, runs in elements.items():
         for states in runs:
-            end = states.sel(step=last_step(states))
+            end = last_state(states)
             for path in end["path"].values[end["converged"].values]:
                 stretch = np.quantile(end["fiber_stretch"].sel(path=path).values, SHARES)
                 about = {"element": element, "run": end.attrs["run"], "path": path, "step": int(end["step"])}
@@ -72,43 +70,34 @@ def draw(elements: Elements) -> Figure:
     # Between networks and distributions the scale of the colours has a column of its own.
     rows = figure.add_gridspec(len(elements), runs + 2, width_ratios=[*[1.0] * runs, 0.45, 0.85])
     rows.update(left=0.01, right=0.985, bottom=16.0 / height, top=1.0 - 7.0 / height, hspace=0.3, wspace=0.04)
-    shown = [states.sel(path=MEAN, step=last_step(states)) for files in elements.values() for states in files]
-    largest = style.stretch_limit(np.concatenate([one["fiber_stretch"].values for one in shown]), COLORED_SHARE)
-    for row, (element, files) in enumerate(elements.items()):
-        for column, states in enumerate(files):
+    ends = {element: [last_state(states).sel(path=MEAN) for states in files] for element, files in elements.items()}
+    largest = style.stretch_limit(np.concatenate([end["fiber_stretch"].values for row in ends.values() for end in row]))
+    for row, (element, states) in enumerate(ends.items()):
+        for column, state in enumerate(states):
             axes = figure.add_subplot(rows[row, column])
-            _draw_network(axes, states, largest, with_cross=row == column == 0)
+            draw_state(axes, CUBE_VIEW, state, largest)
+            if row == column == 0:
+                draw_axes_cross(axes, CUBE_VIEW, 0.25)
+            turned = np.linalg.eigvalsh(state["orientation_tensor"].values)[-1]
+            title = f"element {element}, {state.attrs['run'].replace('_', ' ')}"
+            axes.set_title(f"{title}\nlargest eigenvalue of $h$: {turned:.3f}", pad=1.0)
             style.panel_letter(axes, f"{chr(ord('a') + row)}{column + 1}", dx_mm=4.0)
         axes = figure.add_subplot(rows[row, runs + 1])
         _draw_distributions(axes, table[table["element"] == element])
         style.panel_letter(axes, f"{chr(ord('a') + row)}{runs + 1}")
         if row == len(elements) - 1:
             axes.set_xlabel("fibre stretch $\\lambda$ (1)")
-    _draw_bar(figure, rows[0, runs - 1], largest)
+    box = rows[0, runs - 1].get_position(figure)
+    style.stretch_bar(figure, (box.x1 + 0.012, box.y0 + 0.1 * box.height, 0.011, 0.75 * box.height), largest)
     figure.text(0.012, 0.012, _note(elements), fontsize=6.0)
     return figure
 
 
-def _draw_network(axes: Axes, states: xr.Dataset, largest: float, with_cross: bool) -> None:
-    step = last_step(states)
-    state = states.sel(path=MEAN, step=step)
-    fibers = state["node_position"].values[states["fiber_nodes"].values]
-    colors = style.stretch_colors(state["fiber_stretch"].values, largest)
-    draw_fibers(axes, CAMERA, fibers, colors, width=0.35, fade=0.4)
-    corners = draw_outline(axes, CAMERA, state["deformation_gradient"].values)
-    fit_view(axes, np.vstack([corners, draw_edge_length(axes, corners)]))
-    if with_cross:
-        draw_axes_cross(axes, CAMERA, np.array([axes.get_xlim()[0], axes.get_ylim()[0]]) + 0.1, 0.25)
-    turned = np.linalg.eigvalsh(state["orientation_tensor"].values)[-1]
-    name = str(states.attrs["run"]).replace("_", " ")
-    axes.set_title(f"element {states.attrs['element']}, {name}\nlargest eigenvalue of $h$: {turned:.3f}", pad=1.0)
-
-
 def _draw_distributions(axes: Axes, table: pd.DataFrame) -> None:
     """The mean path of each run as a line, all of its Gauss points as a band."""
-    for number, (name, own) in enumerate(table.groupby("run", sort=False)):
-        look = style.model_style(number)
-        mean, points = own[own["path"] == MEAN], own[own["path"] != MEAN].groupby("share")["fiber_stretch"]
+    for number, (name, of_run) in enumerate(table.groupby("run", sort=False)):
+        look = style.law_line(number)
+        mean, points = of_run[of_run["path"] == MEAN], of_run[of_run["path"] != MEAN].groupby("share")["fiber_stretch"]
         axes.fill_betweenx(SHARES, points.min(), points.max(), color=look["color"], alpha=0.2, lw=0.0, zorder=2)
         axes.plot(mean["fiber_stretch"], mean["share"], **look, label=str(name).replace("_", " "), zorder=3)
     axes.set_ylabel("share of fibres up to $\\lambda$ (1)")
@@ -116,14 +105,10 @@ def _draw_distributions(axes: Axes, table: pd.DataFrame) -> None:
     axes.legend(loc="upper left")
 
 
-def _draw_bar(figure: Figure, spec: SubplotSpec, largest: float) -> None:
-    """Draw the scale of the networks' colours to the right of the last network of the first row."""
-    box = spec.get_position(figure)
-    style.stretch_bar(figure, (box.x1 + 0.012, box.y0 + 0.1 * box.height, 0.011, 0.75 * box.height), largest)
-
-
 def _note(elements: Elements) -> str:
     first = next(iter(elements.values()))[0]
-    note = f"{str(first.attrs['origin']).capitalize()} at load step {last_step(first)}. Networks and lines: under the "
-    note += "mean F of their element; bands: under F of its Gauss points.\nBars: edge of the undeformed cube. Farther "
-    return note + f"fibres are drawn paler. The colour scale holds {COLORED_SHARE:.0%} of the fibres."
+    return (
+        f"{str(first.attrs['origin']).capitalize()} at load step {int(last_state(first)['step'])}. Networks and lines: "
+        "under the mean F of their element; bands: under F of its Gauss points.\nBars: edge of the undeformed cube. "
+        f"Farther fibres are drawn paler. The colour scale holds {style.COLORED_SHARE:.0%} of the fibres."
+    )

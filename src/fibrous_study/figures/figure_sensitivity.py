@@ -9,15 +9,13 @@ from typing import Any
 import matplotlib
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from matplotlib.transforms import offset_copy
 
 from fibrous_study.datasets import read_table, write_table
 from fibrous_study.figures import style
-from fibrous_study.sensitivity.summary import CASE, QUANTITIES, TRIAL_COLUMNS, completed
+from fibrous_study.sensitivity.summary import CASE, QUANTITIES, completed
 
 # Rows: what is drawn, how many times its value, and the scale of the axis; C3 may be 0.
 ROWS = {
@@ -43,7 +41,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     first. Writes outputs["data"], a row a network, load set and value, and outputs["png"], outputs["svg"].
     """
     config = params["config"]
-    tables = [read_table(path, TRIAL_COLUMNS) for path in inputs["trials"]]
+    tables = [read_table(path, "sensitivity_trials") for path in inputs["trials"]]
     trials = completed(tables, {factor["name"]: factor["own_value"] for factor in config["factors"]})
     table = trials[["factor", "value", "is_base", *CASE, "replicate", *QUANTITIES]]
     write_table(table, outputs["data"], params)
@@ -65,7 +63,7 @@ def draw(trials: pd.DataFrame, load_sets: list[dict[str, Any]]) -> Figure:
         panels[row, 0].set_ylabel(label)
         panels[row, 0].set_yscale(kind)
         if kind == "log":
-            _show_plain(panels[row, 0].yaxis)
+            style.plain_ticks(panels[row, 0].yaxis, (1.0, 2.0, 5.0))
         style.panel_letter(panels[row, 0], "abcd"[row])
     for axes, (factor, label) in zip(panels[-1], columns.items(), strict=True):
         values = list(dict.fromkeys(trials.loc[trials["factor"] == factor, "value"]))
@@ -84,43 +82,30 @@ def _draw_panel(axes: Axes, trials: pd.DataFrame, quantity: str, times: float, l
     numbers = {load_set["name"]: number for number, load_set in enumerate(load_sets)}
     cases = trials.groupby(CASE, sort=False)
     networks = list(dict.fromkeys(trials["network"]))
-    for place, ((network, load_set), own) in enumerate(cases):
-        look = _network_look(networks.index(network))
+    for place, ((network, load_set), of_case) in enumerate(cases):
+        look = style.law_marker(networks.index(network))
         beside = (place - 0.5 * (len(cases) - 1)) * APART
         moved = offset_copy(axes.transData, axes.get_figure(root=True), x=beside, units="points")
-        axes.plot(own["value"], times * own[quantity], **look, ls="none", ms=2.0, mew=0.0, alpha=0.4, transform=moved)
-        median = times * own.groupby("value", sort=False)[quantity].median()
+        values = times * of_case[quantity]
+        axes.plot(of_case["value"], values, **look, ls="none", ms=2.0, mew=0.0, alpha=0.4, transform=moved)
+        median = values.groupby(of_case["value"], sort=False).median()
         axes.plot(median.index, median, **look, **_load_set_look(numbers[load_set]), ms=2.8, mew=0.7, zorder=3)
-
-
-def _show_plain(axis: Axis) -> None:
-    """Ticks at 1, 2 and 5 of each decade, written as plain numbers."""
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_locator(NullLocator())
-
-
-def _network_look(number: int) -> dict[str, Any]:
-    return {"color": style.model_style(number)["color"], "marker": style.model_marker(number)}
 
 
 def _load_set_look(number: int) -> dict[str, Any]:
     """The default load set in full, its markers, too; the others broken and open."""
-    return {"ls": style.model_style(number)["ls"]} | ({} if number == 0 else {"mfc": "white"})
+    return {"ls": style.law_line(number)["ls"]} | ({} if number == 0 else {"mfc": "white"})
 
 
 def _handles(trials: pd.DataFrame, load_sets: list[dict[str, Any]]) -> list[Line2D]:
     networks = [
-        Line2D([], [], **_network_look(number), ls="none", ms=3.0, label=name)
+        Line2D([], [], **style.law_marker(number), ls="none", ms=3.0, label=name)
         for number, name in enumerate(dict.fromkeys(trials["network"]))
     ]
     lines = [
-        Line2D(
-            [], [], color=style.INK, marker="o", ms=2.8, mew=0.7, **_load_set_look(number),
-            label=style.load_set_label(load_sets, number),
-        )
-        for number in range(len(load_sets))
-    ]  # fmt: skip
+        Line2D([], [], color=style.INK, marker="o", ms=2.8, mew=0.7, label=label, **_load_set_look(number))
+        for number, label in enumerate(style.load_set_label(load_sets, number) for number in range(len(load_sets)))
+    ]
     return networks + lines
 
 

@@ -1,16 +1,18 @@
-"""Networks drawn in space: one camera, fibres sorted by depth, the cube's outline before and behind them."""
+"""Networks out of their files and drawn in space: one camera, fibres sorted by depth, the outline of their cube."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from fibrous_study.figures.style import FAINT, INK
+from fibrous.errors import DatasetError
+from fibrous_study.figures.style import FAINT, INK, arrow, stretch_colors
 
 Array = NDArray[np.float64]
 
@@ -45,6 +47,57 @@ class Camera:
 # Along −z with x to the right and y up; along +y with x to the right and z up.
 XY_VIEW = Camera(np.eye(3))
 XZ_VIEW = Camera(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]))
+# Of networks in their cubes.
+CUBE_VIEW = Camera.looking_from(azimuth_deg=-62.0, elevation_deg=22.0)
+
+
+def index_of(networks: xr.Dataset, name: str) -> int:
+    """Where the network of that name stands. Raises DatasetError where none or several have it."""
+    there = np.flatnonzero(networks["name"].values == name)
+    if there.size != 1:
+        raise DatasetError(f"the networks hold {there.size} named '{name}' where the figure draws one")
+    return int(there[0])
+
+
+def fibers_of(networks: xr.Dataset, index: int) -> Array:
+    """Ends of the fibres of the network that stands there, shape (fibers, 2, 3), edges.
+
+    A `Network` would bring along the engine, which figures have no time to import.
+    """
+    rows = {}
+    for dim in ("node", "fiber"):
+        counts = networks[f"{dim}_count"].values
+        rows[dim] = slice(int(counts[:index].sum()), int(counts[: index + 1].sum()))
+    nodes = networks["node_position"].values[rows["node"]]
+    return np.asarray(nodes[networks["fiber_nodes"].values[rows["fiber"]]])
+
+
+def draw_network(
+    axes: Axes,
+    camera: Camera,
+    fibers: Array,
+    colors: ArrayLike,
+    width: float,
+    fade: float,
+    gradient: Array | None = None,
+    edge_bar: bool = False,
+) -> None:
+    """Draw fibres (see draw_fibers) in their cube under F, shape (3, 3), at rest without it, and show all of it.
+
+    With `edge_bar` a bar below is as long as the edge of the cube at rest.
+    """
+    draw_fibers(axes, camera, fibers, np.broadcast_to(colors, (len(fibers), 3)), width, fade)
+    points = draw_outline(axes, camera, np.eye(3) if gradient is None else gradient)
+    fit_view(axes, np.vstack([points, draw_edge_length(axes, points)]) if edge_bar else points)
+
+
+def draw_state(
+    axes: Axes, camera: Camera, state: xr.Dataset, largest: float, width: float = 0.35, edge_bar: bool = True
+) -> None:
+    """Draw one state of a file of states, fibres in colours of their stretch up to `largest`."""
+    fibers = state["node_position"].values[state["fiber_nodes"].values]
+    colors, gradient = stretch_colors(state["fiber_stretch"].values, largest), state["deformation_gradient"].values
+    draw_network(axes, camera, fibers, colors, width, 0.4, gradient, edge_bar)
 
 
 def draw_fibers(
@@ -90,19 +143,19 @@ def draw_edge_length(axes: Axes, corners: Array) -> Array:
     return bar
 
 
-def draw_axes_cross(axes: Axes, camera: Camera, origin: Array, length: float) -> None:
-    """Draw the axes' directions at `origin`, shape (2,), in the picture, without one that points at the reader."""
+def draw_axes_cross(axes: Axes, camera: Camera, length: float, origin: Array | None = None) -> None:
+    """Draw the axes' directions without one that points at the reader.
+
+    `origin`, shape (2,), is a point of the picture; without it, one near the lower left corner of what is shown.
+    """
+    if origin is None:
+        origin = np.array([axes.get_xlim()[0], axes.get_ylim()[0]]) + 0.1
     tips, _ = camera.project(np.eye(3) * length)
     for name, tip in zip("xyz", tips, strict=True):
         if np.linalg.norm(tip) < 0.2 * length:
             continue
-        axes.annotate(
-            "",
-            xy=tuple(origin + tip),
-            xytext=tuple(origin),
-            arrowprops={"arrowstyle": "-|>", "lw": 0.5, "color": INK, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 4},
-            annotation_clip=False,
-        )
+        ends = {"xy": tuple(origin + tip), "xytext": tuple(origin)}
+        axes.annotate("", **ends, arrowprops=arrow(0.5, 4), annotation_clip=False)
         x, y = origin + tip * 1.25
         axes.text(x, y, name, fontsize=6.0, ha="center", va="center")
 

@@ -11,10 +11,13 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
+from matplotlib.patches import FancyArrowPatch
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
 from fibrous_study.datasets import place
@@ -27,6 +30,7 @@ FULL_WIDTH_MM = 183.0
 
 INK = "#1a1a1a"
 FAINT = "#8a8a8a"
+COLORED_SHARE = 0.99  # of fibres or elements inside colour scales; the few beyond take the end colours
 
 # Starting from matplotlib's own defaults keeps a reader's matplotlibrc out of the figures.
 _DEFAULTS: dict[Any, Any] = {
@@ -36,53 +40,34 @@ _DEFAULTS: dict[Any, Any] = {
 }
 SHEET: dict[Any, Any] = {
     **_DEFAULTS,
-    "font.size": 7.0,
-    "axes.labelsize": 7.0,
-    "axes.titlesize": 7.0,
-    "legend.fontsize": 6.0,
-    "legend.title_fontsize": 6.0,
-    "xtick.labelsize": 6.5,
-    "ytick.labelsize": 6.5,
+    **dict.fromkeys(("font.size", "axes.labelsize", "axes.titlesize"), 7.0),
+    **dict.fromkeys(("xtick.labelsize", "ytick.labelsize"), 6.5),
+    **dict.fromkeys(("legend.fontsize", "legend.title_fontsize"), 6.0),
+    **dict.fromkeys(("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color"), INK),
+    **dict.fromkeys(("axes.linewidth", "patch.linewidth", "xtick.major.width", "ytick.major.width"), 0.6),
+    **dict.fromkeys(("xtick.major.size", "ytick.major.size"), 2.5),
+    **dict.fromkeys(("axes.labelpad", "xtick.major.pad", "ytick.major.pad"), 2.0),
+    **dict.fromkeys(("axes.spines.top", "axes.spines.right"), False),
     "mathtext.fontset": "dejavusans",
-    "text.color": INK,
-    "axes.labelcolor": INK,
-    "axes.edgecolor": INK,
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "axes.linewidth": 0.6,
-    "axes.labelpad": 2.0,
     "axes.titlepad": 3.0,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
     "axes.formatter.use_mathtext": True,
     "lines.linewidth": 1.0,
     "lines.markersize": 3.0,
-    "patch.linewidth": 0.6,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "xtick.major.size": 2.5,
-    "ytick.major.size": 2.5,
-    "xtick.major.pad": 2.0,
-    "ytick.major.pad": 2.0,
     "legend.frameon": False,
     "legend.handlelength": 1.8,
     "legend.labelspacing": 0.3,
     "legend.borderaxespad": 0.3,
-    "figure.dpi": 300.0,
-    "savefig.dpi": 300.0,
+    **dict.fromkeys(("figure.dpi", "savefig.dpi"), 300.0),
     "svg.fonttype": "path",
     "svg.hashsalt": "fibrous",
 }
 
-# Okabe and Ito's colours, which readers with any colour vision tell apart; the marker says the same again.
+# Okabe and Ito's colours, which readers with any colour vision tell apart; the marker or the line says the same again.
 _LOAD_COLORS = ("#000000", "#0072B2", "#56B4E9", "#D55E00", "#E69F00", "#009E73", "#CC79A7")
 _LOAD_MARKERS = ("o", "s", "D", "^", "v", "<", "P")
-
-# Laws that are compared: the line says the same again as the colour.
-_MODEL_COLORS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-_MODEL_LINES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (5, 1.5, 1, 1.5)), (0, (1.5, 1.2)), (0, (3, 3)), "-.")
-
-_MODEL_MARKERS = ("o", "s", "D", "^", "v", "P")
+_LAW_COLORS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+_LAW_LINES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (5, 1.5, 1, 1.5)), (0, (1.5, 1.2)), (0, (3, 3)), "-.")
+_LAW_MARKERS = ("o", "s", "D", "^", "v", "P")
 
 # Blue where a fibre is shorter than at rest, grey at rest (white would vanish on paper), red-brown where it is longer.
 _STRETCH_MAP = LinearSegmentedColormap.from_list(
@@ -135,6 +120,19 @@ def arrow(width: float, head: float, color: str = INK) -> dict[str, Any]:
     return {"arrowstyle": "-|>", "mutation_scale": head, "lw": width, "color": color, "shrinkA": 0, "shrinkB": 0}
 
 
+def arrow_between_panels(figure: Figure, x: float, y: float, length: float, width: float, head: float) -> None:
+    """Draw an arrow to the right around (x, y); x, y and `length` in shares of the figure, the others in points."""
+    ends = [(x + shift, y) for shift in (-0.5 * length, 0.5 * length)]
+    figure.add_artist(FancyArrowPatch(*ends, transform=figure.transFigure, **arrow(width, head)))
+
+
+def plain_ticks(axis: Axis, digits: tuple[float, ...]) -> None:
+    """Ticks at these digits of each decade of a logarithmic axis, written as plain numbers."""
+    axis.set_major_locator(LogLocator(subs=digits))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_locator(NullLocator())
+
+
 def load_label(name: str) -> str:
     """The load as the paper writes it: ``xy_shear`` becomes ``xy-shear``."""
     return name.replace("_", "-")
@@ -146,15 +144,16 @@ def load_style(number: int) -> dict[str, Any]:
     return {"color": _LOAD_COLORS[number], "marker": _LOAD_MARKERS[(number + again) % len(_LOAD_MARKERS)]}
 
 
-def model_style(number: int) -> dict[str, Any]:
+def law_line(number: int) -> dict[str, Any]:
     """Colour and line of the law with that number in its table."""
-    number %= len(_MODEL_COLORS)
-    return {"color": _MODEL_COLORS[number], "ls": _MODEL_LINES[number]}
+    number %= len(_LAW_COLORS)
+    return {"color": _LAW_COLORS[number], "ls": _LAW_LINES[number]}
 
 
-def model_marker(number: int) -> str:
-    """Marker of the law with that number in its table."""
-    return _MODEL_MARKERS[number % len(_MODEL_MARKERS)]
+def law_marker(number: int) -> dict[str, Any]:
+    """Colour and marker of the law with that number in its table."""
+    number %= len(_LAW_COLORS)
+    return {"color": _LAW_COLORS[number], "marker": _LAW_MARKERS[number]}
 
 
 def fit_style(number: int) -> dict[str, Any]:
@@ -165,10 +164,10 @@ def fit_style(number: int) -> dict[str, Any]:
 def load_set_label(load_sets: list[dict[str, Any]], number: int) -> str:
     """The section a load set is named after, and its loads that not every set has: ``section 3.1 (xz-shear)``."""
     shared = set.intersection(*(set(load_set["loads"]) for load_set in load_sets))
-    own = [load_label(load) for load in load_sets[number]["loads"] if load not in shared]
+    special = [load_label(load) for load in load_sets[number]["loads"] if load not in shared]
     words = load_sets[number]["name"].split("_")
     name = f"section {'.'.join(words[1:])}" if words[0] == "section" else " ".join(words)
-    return f"{name} ({', '.join(own)})" if own else name
+    return f"{name} ({', '.join(special)})" if special else name
 
 
 def stretch_colors(stretch: NDArray[np.float64], largest: float) -> NDArray[np.float64]:
@@ -176,9 +175,9 @@ def stretch_colors(stretch: NDArray[np.float64], largest: float) -> NDArray[np.f
     return _STRETCH_MAP(_stretch_norm(largest)(np.log(stretch)))[:, :3]
 
 
-def stretch_limit(stretch: NDArray[np.float64], share: float) -> float:
-    """The end of the colour scale that holds this share of the fibre stretches, of any shape."""
-    return float(np.exp(np.quantile(np.abs(np.log(stretch)), share)))
+def stretch_limit(stretch: NDArray[np.float64]) -> float:
+    """The end of the colour scale that holds COLORED_SHARE of the fibre stretches, of any shape."""
+    return float(np.exp(np.quantile(np.abs(np.log(stretch)), COLORED_SHARE)))
 
 
 def stretch_bar(figure: Figure, box: tuple[float, float, float, float], largest: float) -> None:

@@ -101,10 +101,10 @@ def draw_directions(
     """
     normals = surface.normals(position)
     area = np.linalg.norm(normals, axis=1)
-    own = directions[surface.face_element]
-    within = np.abs((own * normals).sum(axis=1)) < _LINE_OUT_OF_FACE * area
+    of_face = directions[surface.face_element]
+    within = np.abs((of_face * normals).sum(axis=1)) < _LINE_OUT_OF_FACE * area
     drawn = within & (normals @ camera.frame[2] > 0.0)
-    half = 0.5 * _LINE_LENGTH * np.sqrt(area[drawn])[:, None] * own[drawn]
+    half = 0.5 * _LINE_LENGTH * np.sqrt(area[drawn])[:, None] * of_face[drawn]
     middle = position[surface.face_nodes[drawn]].mean(axis=1)
     points, _ = camera.project(np.stack([middle - half, middle + half], axis=1))
     lines = LineCollection(list(points), colors=INK, linewidths=width, capstyle="round", zorder=3)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import pandas as pd
@@ -10,21 +10,7 @@ import pandas as pd
 from fibrous.errors import DatasetError
 from fibrous_study.audit.wording import Said, worded
 from fibrous_study.report.headline import headline
-from fibrous_study.report.outline import TARGETS
-
-# Statements that the README shows, in its order.
-SHOWN = (
-    "fig7-transverse-lengths",
-    "case-alignment",
-    "curves-converge",
-    "surface-r2",
-    "network3-stretches",
-    "eq2-run-as-eq10c",
-    "hgo-locates-peaks",
-    "refit-direction",
-    "time-multiscale",
-    "time-total",
-)
+from fibrous_study.report.outline import OUTLINE, TARGETS
 
 
 def blocks(tables: Mapping[str, pd.DataFrame], statements: Sequence[Mapping[str, Any]]) -> dict[str, str]:
@@ -40,12 +26,12 @@ def blocks(tables: Mapping[str, pd.DataFrame], statements: Sequence[Mapping[str,
     }
 
 
-def filled(page: str, found: Mapping[str, str]) -> str:
+def filled(page: str, texts: Mapping[str, str]) -> str:
     """The page with every block between its marks, ``<!-- name -->`` and ``<!-- end of name -->``, put anew.
 
     Raises DatasetError where the page lacks the marks of a block.
     """
-    for name, text in found.items():
+    for name, text in texts.items():
         start, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
         if page.count(start) != 1 or page.count(end) != 1:
             raise DatasetError(f"the page must hold '{start}' and '{end}' once each")
@@ -63,20 +49,20 @@ def _size(stages: pd.DataFrame) -> str:
 
 def _statements(claims: Sequence[Said]) -> str:
     by_id = {claim.id: claim for claim in claims}
-    lines = ["| section | the paper says | here | verdict |", "|---|---|---|---|"]
-    lines += [f"| {one.section} | {one.says} | {one.here} | {one.verdict} |" for one in map(by_id.get, SHOWN) if one]
-    return "\n".join(lines)
+    shown = [by_id[id] for id in OUTLINE["readme"] if id in by_id]
+    rows = ((claim.section, claim.says, claim.here, claim.verdict) for claim in shown)
+    return _markdown(("section", "the paper says", "here", "verdict"), rows)
 
 
 def _targets(targets: pd.DataFrame) -> str:
     spent = targets.set_index("target")["cpu_seconds"]
-    lines = ["| target | section of the paper | result | CPU time |", "|---|---|---|---|"]
-    lines += [
-        f"| `{name}` | {section} | {result} | {duration(float(spent[name]))} |"
-        for name, (section, result) in TARGETS.items()
-        if name in spent
-    ]
-    return "\n".join(lines)
+    rows = ((f"`{name}`", *about, duration(float(spent[name]))) for name, about in TARGETS.items() if name in spent)
+    return _markdown(("target", "section of the paper", "result", "CPU time"), rows)
+
+
+def _markdown(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [f"| {' | '.join(headings)} |", "|" + "---|" * len(headings)]
+    return "\n".join(lines + [f"| {' | '.join(row)} |" for row in rows])
 
 
 def duration(seconds: float) -> str:

@@ -1,21 +1,22 @@
 """Trials of many networks summed up: medians and ranges over seeds, at every value of every factor.
 
-A table of trials has the TRIAL_COLUMNS; `network` is an alignment's name. Trials of the base, at the study's own
-values, have the factor BASE and no value.
+Trials are rows of the table `sensitivity_trials` of the schema; `network` is an alignment's name. Trials of the base,
+at the study's own values, have the factor BASE and no value.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-BASE = "base"
-QUANTITIES = ("C2_MPa", "C3", "r_squared", "stress_error")
+BASE, SHEAR, SEEDS = "base", "shear_directions", "seeds"
 CASE = ["network", "load_set"]
+NAMES_AND_UNITS = (("C2", "_MPa"), ("C3", ""), ("r_squared", ""), ("stress_error", ""))
+QUANTITIES = tuple(f"{name}{unit}" for name, unit in NAMES_AND_UNITS)
 FAILED = ("states_failed", "judged_states_failed")
-TRIAL_COLUMNS = ("factor", "value", *CASE, "replicate", *QUANTITIES, *FAILED, "loads_limited")
 
 
 def completed(tables: Sequence[pd.DataFrame], own_values: Mapping[str, float]) -> pd.DataFrame:
@@ -43,30 +44,61 @@ def summary(trials: pd.DataFrame) -> pd.DataFrame:
     Of each quantity the median, the least and the largest over replicates, and the ratio of the median to the base's,
     NaN where that is 0. States that failed are summed up.
     """
-    keys = ["factor", "value", *CASE]
-    groups = trials.groupby(keys, sort=False)
+    groups = trials.groupby(["factor", "value", *CASE], sort=False)
     columns = {"is_base": groups["is_base"].first(), "replicates": groups["replicate"].nunique()}
-    for quantity in QUANTITIES:
-        name, unit = _name_and_unit(quantity)
-        values = groups[quantity]
-        columns |= {
-            f"{name}_median{unit}": values.median(),
-            f"{name}_least{unit}": values.min(),
-            f"{name}_largest{unit}": values.max(),
-        }
+    for name, unit in NAMES_AND_UNITS:
+        values = groups[f"{name}{unit}"]
+        for of, reduced in {"median": values.median(), "least": values.min(), "largest": values.max()}.items():
+            columns[f"{name}_{of}{unit}"] = reduced
     table = pd.DataFrame(columns).reset_index()
-    for quantity in QUANTITIES:
-        name, unit = _name_and_unit(quantity)
+    bases = table[table["is_base"]].set_index(["factor", *CASE])
+    keys = pd.MultiIndex.from_frame(table[["factor", *CASE]])
+    for name, unit in NAMES_AND_UNITS:
         median = f"{name}_median{unit}"
-        own = table[table["is_base"]].set_index(["factor", *CASE])[median]
-        of_base = own.reindex(pd.MultiIndex.from_frame(table[["factor", *CASE]])).to_numpy()
+        of_base = bases[median].reindex(keys).to_numpy()
         table[f"{name}_over_base"] = table[median] / np.where(of_base == 0.0, np.nan, of_base)
     for count in (*FAILED, "loads_limited"):
         table[count] = groups[count].sum().to_numpy()
     return table
 
 
-def _name_and_unit(quantity: str) -> tuple[str, str]:
-    """A quantity's name without its unit, and the ending that says the unit."""
-    name = quantity.removesuffix("_MPa")
-    return name, quantity.removeprefix(name)
+def moves(table: pd.DataFrame) -> pd.DataFrame:
+    """How far the medians of a `summary` move with each factor and, of the base, with the load set, and by seeds alone.
+
+    A row for each of these and each quantity. A case is a network under a load set, or a network where load sets are
+    compared. It moves by its largest less its least median, beyond seeds where that is more than the base's networks
+    are apart. A row names the case that moves most among those beyond seeds, or among all; where none moves, the one
+    whose seeds are farthest apart. The columns are those of documentation.TABLES without `sentence`.
+    """
+    base = table[table["is_base"] & (table["factor"] == table["factor"].iloc[0])]
+    parts = [(str(factor), part.assign(at=part["value"])) for factor, part in table.groupby("factor", sort=False)]
+    parts += [(SHEAR, base.assign(at=base["load_set"], load_set="")), (SEEDS, base.assign(at=""))]
+    return pd.DataFrame({"factor": factor, **_move(part, *of)} for factor, part in parts for of in NAMES_AND_UNITS)
+
+
+def _move(table: pd.DataFrame, name: str, unit: str) -> dict[str, Any]:
+    """How the medians of one quantity move with the column `at`."""
+    median, least, largest = (f"{name}_{of}{unit}" for of in ("median", "least", "largest"))
+    medians = table.set_index([*CASE, "at"])[median].unstack("at")
+    # Where load sets are compared, seeds count under the one in which they are farthest apart.
+    seeds = table[table["is_base"]].assign(spread=table[largest] - table[least])
+    seeds = seeds.sort_values("spread", ascending=False, kind="stable").drop_duplicates(CASE).set_index(CASE)
+    size, spread = medians.max(axis=1) - medians.min(axis=1), seeds["spread"].reindex(medians.index)
+    beyond = size > spread
+    among = size[beyond] if beyond.any() else size if size.max() > 0.0 else spread
+    network, load_set = among.index[int(np.argmax(among.fillna(0.0)))]
+    of_case, of_seeds = medians.loc[(network, load_set)], seeds.loc[(network, load_set)]
+    return {
+        "quantity": f"{name}{unit}",
+        "cases": len(size),
+        "beyond_seeds": int(beyond.sum()),
+        "network": network,
+        "load_set": load_set,
+        "least": of_case.min(),
+        "least_at": of_case.fillna(np.inf).idxmin(),
+        "largest": of_case.max(),
+        "largest_at": of_case.fillna(-np.inf).idxmax(),
+        "seeds_least": of_seeds[least],
+        "seeds_largest": of_seeds[largest],
+        "states_failed": int(table[list(FAILED)].to_numpy().sum()),
+    }

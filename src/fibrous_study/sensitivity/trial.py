@@ -2,53 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fibrous.comparison import WHOLE, stress_errors
 from fibrous.curves import Curves
 from fibrous.fitting.hgo import fit_hgo
 from fibrous.materials.hgo import HGOStructureTensor
 
-Array = NDArray[np.float64]
 
+def trial(fitted: Curves, judged: Curves, largest_C3: float, slope_fit_below_r_squared: float) -> dict[str, Any]:
+    """Eq. 2 fitted by energy to the loads `fitted` of one network, and its error along `judged`: columns of a row.
 
-@dataclass(frozen=True)
-class Trial:
-    """Eq. 2 fitted by energy to the loads of one network, and judged along another path of the same network.
-
-    C2 in MPa, C3, r_squared and amplitude (largest λ_f fitted) of the fit
-    stress_error : see `stress_error`
-    points_used : states fitted
-    states_failed, judged_states_failed : states without an equilibrium among those to be fitted, and along the path;
-        both are left out
+    States without an equilibrium are left out of both and counted. For `stress_error` see there.
     """
-
-    C2: float
-    C3: float
-    r_squared: float
-    amplitude: float
-    stress_error: float
-    points_used: int
-    states_failed: int
-    judged_states_failed: int
-
-
-def tried(fitted: Curves, judged: Curves, largest_C3: float, slope_fit_below_r_squared: float) -> Trial:
-    """Eq. 2 with the constants that fit the energies of `fitted`, against the network's stress along `judged`."""
     fit = fit_hgo(fitted, largest_C3=largest_C3, slope_fit_below_r_squared=slope_fit_below_r_squared)
-    return Trial(
-        C2=fit.C2,
-        C3=fit.C3,
-        r_squared=fit.r_squared,
-        amplitude=fit.largest_stretch,
-        stress_error=stress_error(fit.C2, fit.C3, judged),
-        points_used=fit.points_used,
-        states_failed=int((~fitted.converged).sum()),
-        judged_states_failed=int((~judged.converged).sum()),
-    )
+    return {
+        "C2_MPa": fit.C2,
+        "C3": fit.C3,
+        "r_squared": fit.r_squared,
+        "stress_error": stress_error(fit.C2, fit.C3, judged),
+        "lambda_f_max": fit.largest_stretch,
+        "points_used": fit.points_used,
+        "states_failed": int((~fitted.converged).sum()),
+        "judged_states_failed": int((~judged.converged).sum()),
+    }
 
 
 def stress_error(C2: float, C3: float, path: Curves) -> float:

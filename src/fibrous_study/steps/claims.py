@@ -15,8 +15,7 @@ from fibrous_study.audit.checks import CHECKS
 from fibrous_study.audit.verdict import numbers
 from fibrous_study.audit.wording import printed_numbers, worded
 from fibrous_study.evidence import gathered
-
-COLUMNS = ["claim", "quantity", "load_set", "value", "unit", "low", "high", "printed", "verdict"]
+from fibrous_study.schema import TABLES
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
@@ -41,6 +40,6 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
         rows += [
             {"claim": name, "quantity": one.name, **asdict(one), "verdict": finding.verdict.value} for one in quantities
         ]
-    table = pd.DataFrame(rows)[COLUMNS]
+    table = pd.DataFrame(rows)[list(TABLES["claims"].columns)]
     worded(table, statements)
-    datasets.write_table(table, outputs["claims"], params)
+    datasets.write_table(table, outputs["claims"], params, "claims")

@@ -9,10 +9,9 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
-from fibrous.comparison import Comparison, Fields
-from fibrous.errors import DatasetError
-from fibrous.specimen import MOVED
+from fibrous.comparison import Comparison
 from fibrous_study import datasets
+from fibrous_study.tissue_runs import fields_of, law_columns, read_run
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
@@ -24,73 +23,36 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     config = params["config"]
     entries = {entry["name"]: (entry, path) for entry, path in zip(config["runs"], inputs["tissue"], strict=True)}
     reference = datasets.read(entries.pop(config["reference"])[1], "tissue")
-    last, grown = [], []
+    last, steps = [], []
     for entry, path in entries.values():
-        state = _read(path, reference)
-        rows = [{"step": step, **_errors(comparison)} for step, comparison in _comparisons(state, reference)]
-        about = {"run": entry["name"], "specimen": state.attrs["origin"]}
-        grown += [
-            {**about, **{name: row[name] for name in row if name == "step" or "relative" in name}} for row in rows
-        ]
-        end = {name: value for name, value in rows[-1].items() if name != "step"}
-        last.append({**_about(entry, state), **end, "cpu_seconds": state.attrs["cpu_seconds"]})
-    datasets.write_table(pd.DataFrame(last), outputs["comparison"], params)
-    datasets.write_table(pd.DataFrame(grown), outputs["steps"], params)
+        run = read_run(path, reference, "reference")
+        about = {"run": entry["name"], "specimen": run.attrs["origin"]}
+        for step, errors in _errors_of_steps(run, reference):
+            relative = {name: error for name, error in errors.items() if "relative" in name}
+            steps.append({**about, "step": step, **relative})
+        law = {"model": entry["model"]["name"], **law_columns(entry), "load_steps": run.sizes["step"]}
+        last.append({**about, **law, **errors, "cpu_seconds": run.attrs["cpu_seconds"]})
+    datasets.write_table(pd.DataFrame(last), outputs["comparison"], params, "comparison")
+    datasets.write_table(pd.DataFrame(steps), outputs["steps"], params, "comparison_steps")
 
 
-def _read(path: Path, reference: xr.Dataset) -> xr.Dataset:
-    state = datasets.read(path, "tissue")
-    for name in ("node", "element"):
-        if state.sizes[name] != reference.sizes[name]:
-            raise DatasetError(
-                f"{path}: has {state.sizes[name]} {name}s where the reference has {reference.sizes[name]}; "
-                "delete both and run again"
-            )
-    return state
-
-
-def _comparisons(state: xr.Dataset, reference: xr.Dataset) -> Iterator[tuple[int, Comparison]]:
-    """The reference's step and the comparison there, at the last step or at every one."""
-    same = state.sizes["step"] == reference.sizes["step"]
+def _errors_of_steps(run: xr.Dataset, reference: xr.Dataset) -> Iterator[tuple[int, dict[str, float]]]:
+    """The reference's step and the errors there, at the last step or at every one."""
+    same = run.sizes["step"] == reference.sizes["step"]
     for index in range(reference.sizes["step"]) if same else [-1]:
-        step = int(reference["step"].values[index])
-        yield step, Comparison.of(*(fields_of(one.isel(step=index)) for one in (state, reference)))
-
-
-def fields_of(state: xr.Dataset) -> Fields:
-    """The fields of a run at one of its load steps."""
-    reaction = state["reaction_force"].sel(enthesis=MOVED).values
-    return Fields.of(
-        state["deformation_gradient"].values, state["cauchy_stress"].values, state["displacement"].values, reaction
-    )
-
-
-def _about(entry: Mapping[str, Any], state: xr.Dataset) -> dict[str, Any]:
-    model = entry["model"]
-    return {
-        "run": entry["name"],
-        "specimen": state.attrs["origin"],
-        "model": model["name"],
-        "law": model["law"],
-        "constants": model.get("constants", ""),
-        "energy": model.get("energy", ""),
-        "objective": model.get("objective", ""),
-        "refits": entry["refits"],
-        "load_steps": state.sizes["step"],
-    }
+        fields, of_reference = (fields_of(state.isel(step=index)) for state in (run, reference))
+        yield int(reference["step"].values[index]), _errors(Comparison.of(fields, of_reference))
 
 
 def _errors(comparison: Comparison) -> dict[str, float]:
-    found: dict[str, float] = {}
-    for name, unit in (("shear_stress", "_MPa"), ("shear_strain", "")):
-        deviation = getattr(comparison, name)
-        found |= {
-            f"{name}_rms_error{unit}": deviation.rms_error,
-            f"{name}_relative_rms_error": deviation.relative_rms_error,
-            f"{name}_largest_error{unit}": deviation.largest_error,
-        }
+    """Columns of both tables."""
+    shear = {
+        f"{name}_{error}{'' if error.startswith('relative') else unit}": getattr(getattr(comparison, name), error)
+        for name, unit in (("shear_stress", "_MPa"), ("shear_strain", ""))
+        for error in ("rms_error", "relative_rms_error", "largest_error")
+    }
     return {
-        **found,
+        **shear,
         "cauchy_stress_rms_error_MPa": comparison.cauchy_stress.rms_error,
         "cauchy_stress_relative_rms_error": comparison.cauchy_stress.relative_rms_error,
         "displacement_rms_error_mm": comparison.displacement.rms_error,

@@ -1,4 +1,4 @@
-"""Rule `convergence`: states that found no equilibrium, and loads that ended at the limit of the principal stretch."""
+"""Rule `convergence`: states without an equilibrium, and loads that ended at the limit of the principal stretch."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ COLUMNS = (
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
     """Write outputs["convergence"], one row for every unconverged state of inputs["curves"]."""
     states, _ = survey(inputs["curves"])
-    write_table(states, outputs["convergence"], params)
+    write_table(states, outputs["convergence"], params, "convergence")
 
 
 def survey(curves: Iterable[Path]) -> tuple[pd.DataFrame, int]:

@@ -48,7 +48,8 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     ]
     table = pd.DataFrame(rows).sort_values("network", kind="stable", ignore_index=True)
     _refuse_duplicates(table, inputs["curves"])
-    datasets.write_table(table, outputs["fits"], {**params, "measured": {"cpu_seconds_of_fits": json.dumps(seconds)}})
+    measured = {"cpu_seconds_of_fits": json.dumps(seconds)}
+    datasets.write_table(table, outputs["fits"], {**params, "measured": measured}, "fits")
 
 
 def fits_key(form: Mapping[str, Any], load_set: str) -> str:

@@ -87,4 +87,4 @@ def _dataset(
         "seed": seeds,
         "name": np.array(names, dtype=object),
     }
-    return packed(networks).assign(datasets.packed(arrays, datasets.NETWORKS, {"network": numbers}))
+    return packed(networks).assign(datasets.packed(arrays, "networks", {"network": numbers}))

@@ -1,4 +1,4 @@
-"""Rule `network_microstructure`: the network of one element along its deformation in a run of the tissue (2.5)."""
+"""Rule `network_microstructure`: the network of an element along the deformation in a run of the tissue (2.5)."""
 
 from __future__ import annotations
 

@@ -13,10 +13,9 @@ from fibrous.errors import DatasetError
 from fibrous_study import datasets
 from fibrous_study.audit.wording import worded
 from fibrous_study.report.headline import counted, headline
-from fibrous_study.report.page import Report, Table, report_page
+from fibrous_study.report.outline import OUTLINE, SECTIONS, name_of
+from fibrous_study.report.page import images, page
 from fibrous_study.report.tables import VIEWS, shown
-
-TITLE = "Fibre networks and the laws fitted to them"
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
@@ -27,27 +26,26 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     Raises DatasetError where one of them cannot be read.
     """
     config = params["config"]
-    drawn = [figure["stage"] for figure in config["figures"]]
-    figures = dict(zip(drawn, (_svg(path) for path in inputs["figures"]), strict=True))
+    figures = {name: _svg(path) for name, path in zip(config["figures"], inputs["figures"], strict=True)}
     paths = dict(zip(config["tables"], inputs["tables"], strict=True))
-    tables = {name: datasets.read_table(path, VIEWS[name].needed) for name, path in paths.items()}
-    claims = tables.get("claims", pd.DataFrame(columns=VIEWS["claims"].needed))
-    page = report_page(
-        Report(
-            title=TITLE,
-            headline=headline(tables),
-            notes=_notes(config["other_than_default"]),
-            figures=figures,
-            captions={figure["stage"]: figure["caption"] for figure in config["figures"]},
-            tables={name: Table(*shown(table, VIEWS[name]), VIEWS[name].path) for name, table in tables.items()},
-            claims=worded(claims, config["paper"]["statements"]),
-            contradictions=config["paper"]["contradictions"],
-            verdicts=counted(claims),
-            provenance=_provenance(tables["stages"], config["commit"], config["seed"]),
-            config=config["study"],
-        )
+    tables = {name: datasets.read_table(path, name) for name, path in paths.items()}
+    claims = worded(tables["claims"], config["paper"]["statements"]) if "claims" in tables else []
+    there = {*figures, *tables, *(claim.under for claim in claims)}
+    text = page(
+        OUTLINE["title"],
+        outline=OUTLINE,
+        sections=[section for section in SECTIONS if there & {*map(name_of, section["exhibits"])}],
+        claims={claim.id: claim for claim in claims},
+        contradictions=config["paper"]["contradictions"],
+        counts=counted(tables["claims"]) if claims else {},
+        headline=headline(tables),
+        notes=_notes(config["other_than_default"]),
+        images=images(figures),
+        tables={name: (*shown(table, VIEWS[name]), VIEWS[name].path) for name, table in tables.items()},
+        provenance=_provenance(tables["stages"], config["commit"], config["seed"]),
+        config=config["study"],
     )
-    datasets.write_bytes(page.encode(), outputs["page"], params)
+    datasets.write_bytes(text.encode(), outputs["page"], params)
 
 
 def _svg(path: Path) -> bytes:
@@ -68,19 +66,17 @@ def _notes(other: Sequence[str]) -> list[str]:
 
 
 def _provenance(stages: pd.DataFrame, commit: str, seed: int) -> dict[str, str]:
-    versions = [
-        ", ".join(f"{name} {one}" for name, one in json.loads(said).items()) for said in _each(stages["versions"])
-    ]
+    versions = [", ".join(map(" ".join, json.loads(text).items())) for text in _distinct(stages["versions"])]
     return {
         "commit": commit,
         "seed": str(seed),
         "CPU-hours": f"{stages['cpu_seconds'].sum() / 3600.0:.3g} in {stages['jobs'].sum()} jobs",
         "largest memory of a job": f"{stages['largest_peak_memory_MB'].max():,.0f} MB",
-        "machine": "; ".join(_each(stages["machine"])),
+        "machine": "; ".join(_distinct(stages["machine"])),
         "versions": "; ".join(versions),
     }
 
 
-def _each(said: pd.Series) -> list[str]:
-    """What the rows say, each thing once."""
-    return list(dict.fromkeys(one for row in said for one in row.split("; ")))
+def _distinct(cells: pd.Series) -> list[str]:
+    """The entries of all cells, each once."""
+    return list(dict.fromkeys(entry for cell in cells for entry in cell.split("; ")))

@@ -1,4 +1,4 @@
-"""Rule `sensitivity_trial`: Eq. 2 fitted to networks of a study with one number replaced, and its error in stress."""
+"""Rule `sensitivity_trial`: Eq. 2 fitted to networks of a study with one number changed, and its error in stress."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fibrous.networks.generation import delaunay, network_seed
 from fibrous.networks.guard import Limits
 from fibrous_study import datasets
 from fibrous_study.loading import Member, fiber_of, protocol_loads
-from fibrous_study.sensitivity.trial import Trial, tried
+from fibrous_study.sensitivity.trial import trial
 
 REPLICATES = "replicates"  # the ensemble whose seeds the networks share
 
@@ -30,7 +30,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     """
     config = params["config"]
     rows = [row for entry in config["networks"] for number in entry["numbers"] for row in _rows(entry, number, config)]
-    datasets.write_table(pd.DataFrame(rows), outputs["trials"], params)
+    datasets.write_table(pd.DataFrame(rows), outputs["trials"], params, "sensitivity_trials")
 
 
 def _rows(entry: Mapping[str, Any], number: int, config: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
@@ -60,20 +60,7 @@ def _rows(entry: Mapping[str, Any], number: int, config: Mapping[str, Any]) -> I
             "replicate": number,
             "seed": seed,
             "load_set": load_set["name"],
-            **_columns(tried(chosen, judged, **config["fit"])),
+            **trial(chosen, judged, **config["fit"]),
             "loads_limited": int(chosen.amplitude_limited.sum()),
             "fibers": len(network.fiber_nodes),
         }
-
-
-def _columns(trial: Trial) -> dict[str, Any]:
-    return {
-        "C2_MPa": trial.C2,
-        "C3": trial.C3,
-        "r_squared": trial.r_squared,
-        "stress_error": trial.stress_error,
-        "lambda_f_max": trial.amplitude,
-        "points_used": trial.points_used,
-        "states_failed": trial.states_failed,
-        "judged_states_failed": trial.judged_states_failed,
-    }

@@ -34,7 +34,7 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
         "prescribed_displacement": specimen.prescribed_displacement,
     }
     steps = np.arange(1, len(specimen.prescribed_displacement) + 1)
-    dataset = datasets.packed(arrays, datasets.SPECIMEN, {"step": steps})
+    dataset = datasets.packed(arrays, "specimen", {"step": steps})
     dataset.attrs["origin"] = specimen.origin
     datasets.write(dataset, outputs["specimen"], "specimen", params)
 

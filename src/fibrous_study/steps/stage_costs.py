@@ -23,8 +23,8 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     of its cost.
     """
     jobs = _jobs(inputs["files"])
-    datasets.write_table(_stages(jobs), outputs["stages"], params)
-    datasets.write_table(_targets(jobs, params["config"]["targets"]), outputs["targets"], params)
+    datasets.write_table(_stages(jobs), outputs["stages"], params, "stages")
+    datasets.write_table(_targets(jobs, params["config"]["targets"]), outputs["targets"], params, "targets")
 
 
 def _jobs(files: Iterable[Path]) -> pd.DataFrame:

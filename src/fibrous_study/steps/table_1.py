@@ -26,10 +26,6 @@ from fibrous.fitting.surface import (
 )
 from fibrous_study import datasets
 
-COLUMNS = (
-    "network", "load_set", "deformation", "energy", "H11", "H22", "H33", "lambda_f_max", "C2_MPa", "C3",
-    "C2_half_width_MPa", "C3_half_width", "rule",
-)  # fmt: skip
 # constant of the surface: column of the fits, column of its half-width, terms
 CONSTANTS = {
     "C2": ("C2_MPa", "C2_half_width_MPa", NINE),
@@ -64,15 +60,14 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     folds = config["surface"]["cross_validation_folds"]
     results = [result for path in inputs["fits"] for result in _results(Path(path), folds)]
     datasets.write(_dataset(results), outputs["surface"], "surface", params)
-    datasets.write_table(_table_1(results, config["paper"]["table_1"]), outputs["table_1"], params)
-    datasets.write_table(
-        _triangle(results, config["delaunay"], config["paper"]), outputs["surface_over_triangle"], params
-    )
+    datasets.write_table(_table_1(results, config["paper"]["table_1"]), outputs["table_1"], params, "table_1")
+    over_triangle = _triangle(results, config["delaunay"], config["paper"])
+    datasets.write_table(over_triangle, outputs["surface_over_triangle"], params, "surface_over_triangle")
 
 
 def _results(path: Path, folds: int) -> list[_Result]:
     """A surface for each load set of one table of fits: fits of Eq. 2 to the energy of all its loads."""
-    table = datasets.read_table(path, COLUMNS)
+    table = datasets.read_table(path, "fits")
     eq_2 = (table["energy"] == "structure_tensor") & (table["rule"] == "energy")
     table = table[eq_2 & (table["deformation"] == "all")]
     if table.empty:
@@ -127,7 +122,7 @@ def _dataset(results: list[_Result]) -> xr.Dataset:
         "term_b": list(LABELS),
         "bound": ["least", "largest"],
     }
-    return datasets.packed(arrays, datasets.SURFACE, coords)
+    return datasets.packed(arrays, "surface", coords)
 
 
 def _table_1(results: list[_Result], printed: Mapping[str, Any]) -> pd.DataFrame:

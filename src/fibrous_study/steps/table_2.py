@@ -68,8 +68,8 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     table.insert(0, "specimen", specimen)
     parts = pd.DataFrame(_parts(inputs["multiscale"], found["multiscale"]))
     parts.insert(0, "specimen", specimen)
-    datasets.write_table(table, outputs["table_2"], params)
-    datasets.write_table(parts, outputs["parts"], params)
+    datasets.write_table(table, outputs["table_2"], params, "table_2")
+    datasets.write_table(parts, outputs["parts"], params, "table_2_parts")
 
 
 def _groups(config: Mapping[str, Any]) -> dict[str, str]:

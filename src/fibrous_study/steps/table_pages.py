@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from fibrous_study.datasets import read_table, write_bytes
-from fibrous_study.report.page import table_page
+from fibrous_study.report.page import page
 from fibrous_study.report.tables import VIEWS, shown
 
 
@@ -15,5 +15,5 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
     """Write each of `tables`, in the order of the names that the config gives them, to the output of its name."""
     for name, path in zip(params["config"]["tables"], inputs["tables"], strict=True):
         view = VIEWS[name]
-        headings, rows = shown(read_table(path, view.needed), view)
-        write_bytes(table_page(name.replace("_", " "), headings, rows).encode(), outputs[name], params)
+        text = page(name.replace("_", " "), table=shown(read_table(path, name), view))
+        write_bytes(text.encode(), outputs[name], params)

@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from fibrous.deformation import element_shear, largest_principal_stretch
-from fibrous.specimen import MOVED
+from fibrous.deformation import largest_principal_stretch
 from fibrous_study import datasets
+from fibrous_study.tissue_runs import fields_of, law_columns
 
 
 def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: Mapping[str, Any]) -> None:
@@ -26,22 +26,17 @@ def run(inputs: Mapping[str, list[Path]], outputs: Mapping[str, Path], params: M
         {**_row(entry, states[entry["name"]]), **_change(states[entry["name"]], states.get(entry["source"]))}
         for entry in runs
     ]
-    datasets.write_table(pd.DataFrame(rows), outputs["table"], params)
+    datasets.write_table(pd.DataFrame(rows), outputs["table"], params, "tissue")
 
 
 def _row(entry: Mapping[str, Any], state: xr.Dataset) -> dict[str, Any]:
-    model = entry["model"]
-    gradient, last = state["deformation_gradient"].values, state.isel(step=-1)
-    determinant = np.linalg.det(gradient)
-    reaction = last["reaction_force"].sel(enthesis=MOVED).values
+    last = state.isel(step=-1)
+    fields, determinant = fields_of(last), np.linalg.det(state["deformation_gradient"].values)
+    stretch = largest_principal_stretch(last["deformation_gradient"].values).mean(axis=-1)
     return {
         "run": entry["name"],
         "specimen": state.attrs["origin"],
-        "law": model["law"],
-        "constants": model.get("constants", ""),
-        "energy": model.get("energy", ""),
-        "objective": model.get("objective", ""),
-        "refits": entry["refits"],
+        **law_columns(entry),
         "elements": state.sizes["element"],
         "load_steps": state.sizes["step"],
         "newton_iterations": int(state["newton_iterations"].sum()),
@@ -49,40 +44,30 @@ def _row(entry: Mapping[str, Any], state: xr.Dataset) -> dict[str, Any]:
         "elements_of_C2_zero": int((last["C2"].values == 0.0).sum()),
         "C2_mean_MPa": float(last["C2"].mean()),
         "C3_mean": float(last["C3"].mean()),
-        "stretch_percentile_99": float(np.percentile(_stretch(gradient[-1]), 99)),
-        "stretch_largest": float(_stretch(gradient[-1]).max()),
+        "stretch_percentile_99": float(np.percentile(stretch, 99)),
+        "stretch_largest": float(stretch.max()),
         "J_least": float(determinant.min()),
         "J_largest": float(determinant.max()),
-        "maximum_shear_stress_rms_MPa": _rms(_shear(state)),
-        **{f"reaction_{axis}_N": float(value) for axis, value in zip("xyz", reaction, strict=True)},
+        "maximum_shear_stress_rms_MPa": _rms(fields.shear_stress),
+        **{f"reaction_{axis}_N": float(force) for axis, force in zip("xyz", fields.reaction, strict=True)},
     }
 
 
 def _change(state: xr.Dataset, before: xr.Dataset | None) -> dict[str, float]:
-    """Root mean squares and largest values over elements, or nodes, of what a refit changed."""
-    names = ("C2", "C3", "displacement", "maximum_shear_stress")
-    units = ("_MPa", "", "_mm", "_MPa")
+    """Root mean squares and largest values over elements, or nodes, of what a refit changed; NaN where none did."""
+    names = ("C2{}_MPa", "C3{}", "displacement{}_mm", "maximum_shear_stress{}_MPa")
     changes: list[np.ndarray] = [np.array([np.nan])] * len(names)
     if before is not None:
         last, first = state.isel(step=-1), before.isel(step=-1)
+        moved, start = fields_of(last), fields_of(first)
         changes = [last[name].values - first[name].values for name in ("C2", "C3")]
-        moved = np.linalg.norm(last["displacement"].values - first["displacement"].values, axis=-1)
-        changes += [moved, _shear(state) - _shear(before)]
+        changes += [np.linalg.norm(moved.displacement - start.displacement, axis=-1)]
+        changes += [moved.shear_stress - start.shear_stress]
     return {
-        f"{name}_change_{what}{unit}": value
-        for name, unit, change in zip(names, units, changes, strict=True)
-        for what, value in (("rms", _rms(change)), ("largest", float(np.abs(change).max())))
+        name.format(f"_change_{of}"): value
+        for name, change in zip(names, changes, strict=True)
+        for of, value in (("rms", _rms(change)), ("largest", float(np.abs(change).max())))
     }
-
-
-def _stretch(gradient: np.ndarray) -> np.ndarray:
-    """Largest principal stretch, mean over the Gauss points of each element."""
-    return largest_principal_stretch(gradient).mean(axis=-1)
-
-
-def _shear(state: xr.Dataset) -> np.ndarray:
-    """Maximum shear stress at the last step, mean over the Gauss points of each element."""
-    return element_shear(state["cauchy_stress"].values[-1])
 
 
 def _rms(values: np.ndarray) -> float:
