@@ -18,7 +18,7 @@ from fibrous.networks import network
 from fibrous.networks.fiber_law import Fiber
 from fibrous.networks.network import Network
 from fibrous_study import curve_datasets
-from fibrous_study.datasets import NETWORKS, packed, read, write, write_table
+from fibrous_study.datasets import packed, read, write, write_table
 from fibrous_study.schema import KINDS, TABLES
 
 LOADS = ("x_uniaxial", "xy_biaxial", "xz_biaxial", "xy_shear", "xz_shear", "yz_shear")
@@ -73,7 +73,7 @@ def write_networks(path: Path, points: int) -> None:
         "seed": np.arange(count),
         "name": np.array(list(NAMED)),
     }
-    dataset = network.packed(networks).assign(packed(arrays, NETWORKS, {"network": np.arange(count)}))
+    dataset = network.packed(networks).assign(packed(arrays, "networks", {"network": np.arange(count)}))
     write(dataset, path, "networks", params(0))
 
 
@@ -207,7 +207,7 @@ def write_surface(path: Path) -> None:
     }
     sizes = {name: len(values) for name, values in coords.items()}
     arrays = {
-        name: np.zeros([sizes[dim] for dim in variable.dims], dtype=variable.dtype)
+        name: np.zeros([sizes[dim] for dim in variable.dims], dtype=f"{np.dtype(variable.dtype).kind}8")
         for name, variable in KINDS["surface"].variables.items()
     }
     arrays["coefficient"][:] = [C2_COEFFICIENT, C3_COEFFICIENT, C3_COEFFICIENT]
