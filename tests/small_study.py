@@ -17,7 +17,7 @@ from workflow_runs import job_of
 from fibrous.networks.network import Network, unpacked
 from fibrous.specimen import FiberField, RigidMotion, Slab, Specimen
 from fibrous_study import datasets, plan
-from fibrous_study.configuration import loaded
+from fibrous_study.config import loaded
 
 ELEMENTS = 12
 SPECIMEN_FILE = "results/tissue/specimen.nc"

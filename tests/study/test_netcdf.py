@@ -17,7 +17,7 @@ from fibrous.io.meshes import read_mesh
 from fibrous.io.networks import read_network
 from fibrous_study import datasets
 from fibrous_study.check import check
-from fibrous_study.configuration import loaded
+from fibrous_study.config import loaded
 
 FORMATS = ("NETCDF3_CLASSIC", "NETCDF3_64BIT", "NETCDF4_CLASSIC", "NETCDF4")
 

@@ -15,7 +15,7 @@ from test_workflow_tissue import OWN_TISSUE
 
 from fibrous_study.__main__ import refreshed
 from fibrous_study.audit.checks import CHECKS
-from fibrous_study.configuration import DEFAULT, validated
+from fibrous_study.config import DEFAULT, validated
 
 ROOT = Path(__file__).parents[2]
 CONTRIBUTING = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")

@@ -8,7 +8,7 @@ import yaml
 from workflow_runs import QUICK, files_of, jobs_of, quick_config, snakemake, would_run, written
 
 from fibrous_study import provenance
-from fibrous_study.configuration import DEFAULT, validated
+from fibrous_study.config import DEFAULT, validated
 
 
 def downstream(config: dict, first: set[str]) -> set[str]:
@@ -133,7 +133,8 @@ CHANGES = {
 OF_THEIR_OWN = {
     "network", "network_files", "delaunay.networks", "delaunay.batches", "specimen", "specimen_files", "tissue.batches",
     "tissue.protocol", "tissue.load_set", "tissue.update", "tissue.refit_rounds", "tissue.models",
-    "microstructure.runs", "microstructure.elements", "replicates.batches",
+    "microstructure.runs", "microstructure.elements", "replicates.batches", "roles.case", "roles.survey", "roles.large",
+    "roles.small", "roles.case_study", "roles.path",
 }  # fmt: skip
 
 
