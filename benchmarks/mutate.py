@@ -641,8 +641,8 @@ MUTATIONS = [
     Mutation(
         "solution from below",
         "networks/elimination.py",
-        "load(right, (j, i, p)) - y",
-        "load(right, (j, i, p)) + y",
+        "load(right, (j, 1, p)) - (y0 * x1",
+        "load(right, (j, 1, p)) + (y0 * x1",
         "test_elimination.py",
     ),
     Mutation(
