@@ -271,7 +271,6 @@ def test_where_nothing_moves_the_case_is_the_one_whose_seeds_are_farthest_apart(
 
 def test_every_move_is_written_with_its_numbers_in_words(tmp_path):
     paths = [tmp_path / f"{number}.csv" for number in range(2)]
-    others = dict.fromkeys(("lambda_f_max", "points_used", "fibers", "seed"), 1) | {"unit": "µm"}
     for path, table in zip(paths, made_up({"C2_MPa": 0.21}), strict=True):
         whole = table.reindex(columns=list(TABLES["sensitivity_trials"].columns))
         write_table(whole.assign(unit="µm", fibers=1), path, NO_PARAMS)
