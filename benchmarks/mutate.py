@@ -662,8 +662,8 @@ MUTATIONS = [
     Mutation(
         "solution from below",
         "fibrous/networks/elimination.py",
-        "load(right, (j, i, p)) - y",
-        "load(right, (j, i, p)) + y",
+        "load(right, (j, 1, p)) - (y0 * x1",
+        "load(right, (j, 1, p)) + (y0 * x1",
         "library/test_elimination.py",
     ),
     Mutation(

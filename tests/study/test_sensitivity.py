@@ -272,7 +272,8 @@ def test_where_nothing_moves_the_case_is_the_one_whose_seeds_are_farthest_apart(
 def test_every_move_is_written_with_its_numbers_in_words(tmp_path):
     paths = [tmp_path / f"{number}.csv" for number in range(2)]
     for path, table in zip(paths, made_up({"C2_MPa": 0.21}), strict=True):
-        write_table(table, path, NO_PARAMS)
+        whole = table.reindex(columns=list(TABLES["sensitivity_trials"].columns))
+        write_table(whole.assign(unit="µm", fibers=1), path, NO_PARAMS)
     outputs = {name: tmp_path / f"{name}.csv" for name in ("table", "sentences")}
     factors = [{"name": "edge_length_um", "unit": "µm", "own_value": 20.0}]
     sensitivity_tables.run({"trials": paths}, outputs, NO_PARAMS | {"config": {"factors": factors}})
