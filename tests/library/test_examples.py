@@ -1,5 +1,6 @@
 """The examples run as they stand, and what they return is physics."""
 
+import re
 import runpy
 from pathlib import Path
 
@@ -7,6 +8,8 @@ import matplotlib
 import meshio
 import numpy as np
 import pytest
+
+import fibrous as fb
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 matplotlib.use("agg")
@@ -89,3 +92,8 @@ def test_files_for_paraview_hold_the_states(run, tmp_path):
         np.testing.assert_allclose(state.point_data["displacement_mm"], displacement)
         stress = state.cell_data["cauchy_stress_MPa"][0].reshape(-1, 3, 3)
         np.testing.assert_allclose(stress, solution.cauchy[step].mean(axis=1))
+
+
+def test_every_public_name_has_its_place_in_the_reference():
+    pages = "\n".join(page.read_text() for page in (EXAMPLES.parent / "docs" / "api").glob("*.md"))
+    assert set(fb.__all__) <= set(re.findall(r"\w+", pages))
