@@ -662,8 +662,8 @@ MUTATIONS = [
     Mutation(
         "solution from below",
         "fibrous/networks/elimination.py",
-        "load(right, (j, i, p)) - y",
-        "load(right, (j, i, p)) + y",
+        "load(right, (j, 1, p)) - (y0 * x1",
+        "load(right, (j, 1, p)) + (y0 * x1",
         "library/test_elimination.py",
     ),
     Mutation(
@@ -1257,8 +1257,8 @@ MUTATIONS = [
     Mutation(
         "amplitude of another protocol's first load",
         "fibrous_study/variants.py",
-        'config["roles"]["large"])["loads"][0], "magnitude"',
-        'config["roles"]["large"])["loads"][-1], "magnitude"',
+        'protocol["loads"][0], "magnitude"',
+        'protocol["loads"][-1], "magnitude"',
         "study/test_sensitivity.py",
     ),
     Mutation(

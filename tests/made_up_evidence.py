@@ -16,7 +16,7 @@ from fibrous_study.audit.constants import Fits
 from fibrous_study.audit.evidence import Constants, Evidence
 from fibrous_study.audit.verdict import Finding, Thresholds, Verdict
 from fibrous_study.audit.wording import printed_numbers
-from fibrous_study.configuration import loaded
+from fibrous_study.config import loaded
 from fibrous_study.paper import section
 
 REPRODUCED, PARTLY, NOT, CONTRADICTED, UNKNOWN = Verdict

@@ -17,7 +17,8 @@ from workflow_runs import job_of
 from fibrous.networks.network import Network, unpacked
 from fibrous.specimen import FiberField, RigidMotion, Slab, Specimen
 from fibrous_study import datasets, plan
-from fibrous_study.configuration import loaded
+from fibrous_study.config import loaded
+from fibrous_study.schema import TABLES
 
 ELEMENTS = 12
 SPECIMEN_FILE = "results/tissue/specimen.nc"
@@ -109,7 +110,10 @@ class Study:
         return [network for dataset in read for network in unpacked(dataset)]
 
     def write_fits(self, protocol: str, table: pd.DataFrame) -> None:
-        datasets.write_table(table, self.folder / f"results/fits/tissue/{protocol}.csv", NO_PARAMS)
+        """Fits with all columns of the schema; those that the table lacks hold nothing."""
+        columns = {name: "" if column.dtype == "U" else np.nan for name, column in TABLES["fits"].columns.items()}
+        whole = table.assign(**{name: value for name, value in columns.items() if name not in table})
+        datasets.write_table(whole, self.folder / f"results/fits/tissue/{protocol}.csv", NO_PARAMS)
 
 
 def constants(energy: str, objective: str) -> tuple[np.ndarray, np.ndarray]:

@@ -18,7 +18,7 @@ from fibrous.networks import network
 from fibrous.networks.fiber_law import Fiber
 from fibrous.networks.network import Network
 from fibrous_study import curve_datasets
-from fibrous_study.datasets import NETWORKS, packed, read, write, write_table
+from fibrous_study.datasets import packed, read, write, write_table
 from fibrous_study.schema import KINDS, TABLES
 
 LOADS = ("x_uniaxial", "xy_biaxial", "xz_biaxial", "xy_shear", "xz_shear", "yz_shear")
@@ -40,6 +40,10 @@ C3_COEFFICIENT = np.array([-0.2, 0.1, 0.6, 0.2, 0.1, 0.3, 0.0, 0.1, 0.0])
 # The case-study network's yz-shear ends at the limit, and its xz-shear loses its last state.
 PRINCIPAL_STRETCH_LIMIT = 2.6
 LOST_LOAD = "xz_shear"
+
+
+# Of made-up arrays, by the kinds of the schema.
+TYPES = {"f": float, "i": int, "b": bool, "U": object}
 
 
 def params(figure: int | str, **config: Any) -> dict[str, Any]:
@@ -73,7 +77,7 @@ def write_networks(path: Path, points: int) -> None:
         "seed": np.arange(count),
         "name": np.array(list(NAMED)),
     }
-    dataset = network.packed(networks).assign(packed(arrays, NETWORKS, {"network": np.arange(count)}))
+    dataset = network.packed(networks).assign(packed(arrays, "networks", {"network": np.arange(count)}))
     write(dataset, path, "networks", params(0))
 
 
@@ -207,7 +211,9 @@ def write_surface(path: Path) -> None:
     }
     sizes = {name: len(values) for name, values in coords.items()}
     arrays = {
-        name: np.zeros([sizes[dim] for dim in variable.dims], dtype=variable.dtype)
+        name: np.zeros(
+            [sizes[dim] for dim in variable.dims], dtype={"f": float, "i": int, "b": bool, "U": object}[variable.dtype]
+        )
         for name, variable in KINDS["surface"].variables.items()
     }
     arrays["coefficient"][:] = [C2_COEFFICIENT, C3_COEFFICIENT, C3_COEFFICIENT]

@@ -14,7 +14,7 @@ import yaml
 from snakemake.api import SnakemakeApi
 from snakemake.settings.types import ConfigSettings, DAGSettings, OutputSettings, Quietness, ResourceSettings
 
-from fibrous_study.configuration import PROJECT, loaded
+from fibrous_study.config import PROJECT, loaded
 
 QUICK = PROJECT / "config" / "quick.yaml"
 # The smallest ensemble for which Eq. 11 can be cross-validated, cut into more batches than the quick one.

@@ -1,6 +1,7 @@
 """``python -m fibrous_study check`` compares the results with the present config and code.
 
-``describe`` prints what the files hold, and ``readme`` puts the numbers of the run in docs/run into the README.
+``describe`` prints what the files hold, ``describe-config`` what the config may hold, and ``readme`` puts the numbers
+of the run in docs/run into the README.
 """
 
 from __future__ import annotations
@@ -10,8 +11,9 @@ import sys
 from pathlib import Path
 
 from fibrous.errors import FibrousError
+from fibrous_study import config_page
 from fibrous_study.check import check
-from fibrous_study.configuration import PROJECT
+from fibrous_study.config import PROJECT
 from fibrous_study.datasets import read_table
 from fibrous_study.paper import section
 from fibrous_study.report.readme import blocks, filled
@@ -23,17 +25,21 @@ SHOWN_RUN = PROJECT / "docs" / "run"  # the tables of the paper-size run that th
 
 def main(arguments: list[str] | None = None) -> int:
     """Print a line for every result that does not belong, and a last line. Returns 0 if there is none, else 1."""
-    parser = argparse.ArgumentParser(prog="python -m fibrous", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m fibrous_study", description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
     checking = commands.add_parser("check", help="compare the results in this folder with the present config and code")
     checking.add_argument("--config", type=Path, help="a config file merged over the default one, as for the run")
     commands.add_parser("describe", help="print what every file of the study holds, as Markdown")
+    commands.add_parser("describe-config", help="print every key of the config, as Markdown")
     commands.add_parser("readme", help="put the numbers of the tables in docs/run into README.md")
     given = parser.parse_args(arguments)
     if given.command == "describe":
         print(described(), end="")
         return 0
     try:
+        if given.command == "describe-config":
+            print(config_page.described(), end="")
+            return 0
         if given.command == "readme":
             README.write_text(refreshed(README.read_text(encoding="utf-8")), encoding="utf-8")
             return 0

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from fibrous.errors import ConfigError
-from fibrous_study.configuration import PROJECT, loaded
+from fibrous_study.config import PROJECT, loaded
 from fibrous_study.job import FOLDER
 from fibrous_study.plan import own_networks
 from fibrous_study.provenance import digest, record_of, recorded

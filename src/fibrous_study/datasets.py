@@ -133,7 +133,7 @@ def _check_columns(table: pd.DataFrame, name: str, path: Path, remedy: str) -> N
         if column not in table:
             raise DatasetError(f"{path}: lacks the column '{column}'; {remedy}")
         is_text = not pd.api.types.is_numeric_dtype(table[column])
-        if len(table) and is_text != (declared.dtype == "U"):
+        if table[column].notna().any() and is_text != (declared.dtype == "U"):
             raise DatasetError(f"{path}: the column '{column}' holds no {TYPES[declared.dtype]}; {remedy}")
 
 

@@ -6,7 +6,7 @@ from functools import cache
 from typing import Any
 
 from fibrous.errors import ConfigError
-from fibrous_study.configuration import PROJECT, parsed
+from fibrous_study.config import PROJECT, parsed
 
 PAPER = PROJECT / "config" / "paper.yaml"
 

@@ -19,7 +19,7 @@ import copy
 import numpy as np
 import fibrous as fb
 from fibrous.networks import generator
-from fibrous_study.configuration import loaded, validated
+from fibrous_study.config import loaded, validated
 
 config = copy.deepcopy(loaded())
 config["network"] = "lattice"

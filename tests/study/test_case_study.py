@@ -61,7 +61,7 @@ def write_networks(path):
         "seed": np.arange(2),
         "name": np.array(["other", "case"], dtype=object),
     }
-    dataset = datasets.packed(arrays, datasets.NETWORKS, {"network": np.arange(2)})
+    dataset = datasets.packed(arrays, "networks", {"network": np.arange(2)})
     dataset.attrs.update(**FIBER, fiber_law="exponential", fiber_linear_beyond_stretch=np.inf)
     datasets.write(dataset, path, "networks", params())
 

@@ -13,7 +13,7 @@ from workflow_runs import job_line, job_of, snakemake
 
 from fibrous.errors import NetworkError
 from fibrous_study import job
-from fibrous_study.configuration import loaded
+from fibrous_study.config import loaded
 from fibrous_study.provenance import digest, recorded
 
 

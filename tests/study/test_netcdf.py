@@ -16,8 +16,6 @@ from fibrous.io import netcdf
 from fibrous.io.meshes import read_mesh
 from fibrous.io.networks import read_network
 from fibrous_study import datasets
-from fibrous_study.check import check
-from fibrous_study.configuration import loaded
 
 FORMATS = ("NETCDF3_CLASSIC", "NETCDF3_64BIT", "NETCDF4_CLASSIC", "NETCDF4")
 
@@ -187,13 +185,3 @@ def test_a_table_that_may_not_be_read_is_not_to_be_deleted(tmp_path, monkeypatch
     line = problem(partial(datasets.read_table, name="fits"), path)
     assert "permission" in line
     assert "delete" not in line
-
-
-def test_the_check_of_results_says_locked_where_they_are(tmp_path):
-    path = tmp_path / "results/networks/named/00.nc"
-    datasets.write(states(), path, "states", PARAMS)
-    with open(path, "rb") as stream:
-        netcdf.fcntl.flock(stream, netcdf.fcntl.LOCK_EX)
-        lines, _ = check(loaded(), tmp_path)
-    (line,) = [line for line in lines if line.startswith("results/networks/named/00.nc: ")]
-    assert "locked" in line

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fibrous_study import datasets
-from fibrous_study.configuration import loaded
+from fibrous_study.config import loaded
 from fibrous_study.prediction import predict
 
 BEHIND_THE_SURFACE = (

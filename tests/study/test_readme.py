@@ -15,7 +15,7 @@ from test_workflow_tissue import OWN_TISSUE
 
 from fibrous_study.__main__ import refreshed
 from fibrous_study.audit.checks import CHECKS
-from fibrous_study.configuration import DEFAULT, validated
+from fibrous_study.config import DEFAULT, validated
 
 ROOT = Path(__file__).parents[2]
 CONTRIBUTING = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
@@ -84,6 +84,7 @@ def test_a_claim_takes_two_files(tmp_path):
     assert [path for path, _ in of_claim] == ["config/paper.yaml", "src/fibrous_study/audit/curves.py"]
     for folder in ("src", "config", "workflow"):
         shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
+    shutil.copy(ROOT / "Snakefile", tmp_path)
     for path, diff in of_claim:
         text = (tmp_path / path).read_text(encoding="utf-8")
         (tmp_path / path).write_text(applied(text, diff), encoding="utf-8")

@@ -21,7 +21,7 @@ from fibrous_study import datasets
 from fibrous_study.audit.checks import CHECKS
 from fibrous_study.audit.verdict import Verdict
 from fibrous_study.audit.wording import worded
-from fibrous_study.configuration import PROJECT, loaded
+from fibrous_study.config import PROJECT, loaded
 from fibrous_study.datasets import read_table
 from fibrous_study.paper import section
 from fibrous_study.provenance import commit, record

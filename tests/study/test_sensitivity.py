@@ -20,7 +20,7 @@ from fibrous_study.sensitivity.summary import completed, moves, summary
 from fibrous_study.sensitivity.trial import stress_error, trial
 from fibrous_study.steps import sensitivity_tables
 from fibrous_study.steps import sensitivity_trial as stage
-from fibrous_study.variants import own_value, variant_called, variants, varied
+from fibrous_study.variants import own_value, variants, varied
 
 H = np.diag([0.6, 0.25, 0.15])
 FIT = {"largest_C3": 50.0, "slope_fit_below_r_squared": 0.5}
@@ -168,20 +168,17 @@ def test_a_state_that_found_no_equilibrium_is_named(tmp_path, capsys):
 
 def test_a_variant_is_the_study_with_one_number_replaced():
     config = small_config()
-    for variant in variants(config)[1:]:
-        changed = varied(config, variant)
-        assert own_value(changed, variant.factor) == variant.value != own_value(config, variant.factor)
-        assert variant_called(config, variant.name) == variant
-        back = varied(changed, type(variant)(variant.factor, own_value(config, variant.factor)))
-        assert back == config
+    for factor, value in list(variants(config).values())[1:]:
+        changed = varied(config, factor, value)
+        assert own_value(changed, factor) == value != own_value(config, factor)
+        assert varied(changed, factor, own_value(config, factor)) == config
 
 
 def test_the_base_is_no_variant_of_itself():
-    names = [variant.name for variant in variants(small_config(cube={"edge_length_um": 15.0}))]
+    names = list(variants(small_config(cube={"edge_length_um": 15.0})))
     assert names[0] == "base"
     assert "edge_length_um_15" not in names
     assert "edge_length_um_20" in names
-    assert len(names) == len(set(names))
 
 
 # Sums and moves ------------------------------------------------------------------------------------------------------
@@ -275,7 +272,8 @@ def test_where_nothing_moves_the_case_is_the_one_whose_seeds_are_farthest_apart(
 def test_every_move_is_written_with_its_numbers_in_words(tmp_path):
     paths = [tmp_path / f"{number}.csv" for number in range(2)]
     for path, table in zip(paths, made_up({"C2_MPa": 0.21}), strict=True):
-        write_table(table, path, NO_PARAMS)
+        whole = table.reindex(columns=list(TABLES["sensitivity_trials"].columns))
+        write_table(whole.assign(unit="µm", fibers=1), path, NO_PARAMS)
     outputs = {name: tmp_path / f"{name}.csv" for name in ("table", "sentences")}
     factors = [{"name": "edge_length_um", "unit": "µm", "own_value": 20.0}]
     sensitivity_tables.run({"trials": paths}, outputs, NO_PARAMS | {"config": {"factors": factors}})

@@ -9,7 +9,7 @@ import xarray as xr
 from workflow_runs import QUICK, jobs_of, quick_config, would_run, written
 
 from fibrous_study.check import check
-from fibrous_study.configuration import validated
+from fibrous_study.config import validated
 
 FIT = ["C2_MPa", "C3", "r_squared", "lambda_f_max", "points_used"]
 

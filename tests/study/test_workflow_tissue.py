@@ -13,7 +13,7 @@ from workflow_runs import QUICK, all_files, quick_config, snakemake, would_run, 
 
 from fibrous.fe.mesh import box
 from fibrous_study.check import check
-from fibrous_study.configuration import validated
+from fibrous_study.config import validated
 
 OWN_TISSUE = {
     "specimen": "file",

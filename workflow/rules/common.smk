@@ -9,7 +9,8 @@ from pathlib import Path
 import yaml
 
 from fibrous.errors import FibrousError
-from fibrous_study import batches, configuration, plan, variants
+from fibrous_study import batches, plan, variants
+from fibrous_study.config import PROJECT, loaded, validated
 from fibrous_study.job import FOLDER, hand_over
 from fibrous_study.paper import paper, section
 from fibrous_study.provenance import code_hash, commit, config_hash
@@ -18,7 +19,7 @@ from fibrous_study.report.tables import VIEWS
 from fibrous_study.steps import convergence
 
 try:
-    config = configuration.validated(config)
+    config = validated(config)
     # Recorded in every result, and no param of a rule: a change reruns what depends on it and nothing else.
     os.environ.update(STUDY_CONFIG=hand_over(config))
 except FibrousError as error:
@@ -46,7 +47,7 @@ wildcard_constraints:
     batch="[0-9]+",
     run="|".join(run.name for run in RUNS),
     element="[0-9]+",
-    variant="|".join(re.escape(variant.name) for variant in variants.variants(config)),
+    variant="|".join(map(re.escape, variants.variants(config))),
 
 
 # Jobs -----------------------------------------------------------------------------------------------------------------

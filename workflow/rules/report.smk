@@ -113,14 +113,12 @@ rule report:
                 "figures": DRAWN,
                 "tables": list(TABLES),
                 "paper": {name: section(name) for name in ("statements", "contradictions")},
-                "other_than_default": [
-                    key for key, value in configuration.loaded().items() if TOLD.get(key, value) != value
-                ],
+                "other_than_default": [key for key, value in loaded().items() if TOLD.get(key, value) != value],
                 "seed": config["seed"],
-                "commit": commit(configuration.PROJECT),
+                "commit": commit(PROJECT),
                 # As text, since JSON with sorted keys would lose the order of a mapping.
                 "study": yaml.safe_dump(
-                    plan.in_order_of(configuration.loaded(), TOLD), sort_keys=False, allow_unicode=True, width=110
+                    plan.in_order_of(loaded(), TOLD), sort_keys=False, allow_unicode=True, width=110
                 ),
             },
         ),

@@ -1,6 +1,6 @@
 # Sections 2.3 and 3.1: how the constants of Eq. 2 move with what the paper leaves open, one key of the config at a time.
 
-TRIALS = expand("results/sensitivity/{variant}.csv", variant=[variant.name for variant in variants.variants(config)])
+TRIALS = expand("results/sensitivity/{variant}.csv", variant=variants.variants(config))
 
 
 rule sensitivity:

@@ -265,20 +265,33 @@ def solve(starts: Index, rows: Index, factor: Array, right: Array) -> None:
             store(right, (j, 1, p), y1)
             store(right, (j, 2, p), (load(right, (j, 2, p)) - y0 * l20 - y1 * l21) * d2)
         for b in range(own + 1, starts[j + 1]):
-            for i in range(3):
-                x0, x1, x2 = load(factor, (b, 3 * i)), load(factor, (b, 3 * i + 1)), load(factor, (b, 3 * i + 2))
-                for p in range(many):
-                    y = load(right, (j, 0, p)) * x0 + load(right, (j, 1, p)) * x1 + load(right, (j, 2, p)) * x2
-                    store(right, (rows[b], i, p), load(right, (rows[b], i, p)) - y)
+            row = rows[b]
+            x0, x1, x2 = load(factor, (b, 0)), load(factor, (b, 1)), load(factor, (b, 2))
+            x3, x4, x5 = load(factor, (b, 3)), load(factor, (b, 4)), load(factor, (b, 5))
+            x6, x7, x8 = load(factor, (b, 6)), load(factor, (b, 7)), load(factor, (b, 8))
+            for p in range(many):
+                y0, y1, y2 = load(right, (j, 0, p)), load(right, (j, 1, p)), load(right, (j, 2, p))
+                z0 = load(right, (row, 0, p)) - (y0 * x0 + y1 * x1 + y2 * x2)
+                z1 = load(right, (row, 1, p)) - (y0 * x3 + y1 * x4 + y2 * x5)
+                z2 = load(right, (row, 2, p)) - (y0 * x6 + y1 * x7 + y2 * x8)
+                store(right, (row, 0, p), z0)
+                store(right, (row, 1, p), z1)
+                store(right, (row, 2, p), z2)
     for j in range(size - 1, -1, -1):
         own = starts[j]
         for b in range(own + 1, starts[j + 1]):
             row = rows[b]
-            for i in range(3):
-                x0, x1, x2 = load(factor, (b, i)), load(factor, (b, 3 + i)), load(factor, (b, 6 + i))
-                for p in range(many):
-                    y = load(right, (row, 0, p)) * x0 + load(right, (row, 1, p)) * x1 + load(right, (row, 2, p)) * x2
-                    store(right, (j, i, p), load(right, (j, i, p)) - y)
+            x0, x1, x2 = load(factor, (b, 0)), load(factor, (b, 1)), load(factor, (b, 2))
+            x3, x4, x5 = load(factor, (b, 3)), load(factor, (b, 4)), load(factor, (b, 5))
+            x6, x7, x8 = load(factor, (b, 6)), load(factor, (b, 7)), load(factor, (b, 8))
+            for p in range(many):
+                y0, y1, y2 = load(right, (row, 0, p)), load(right, (row, 1, p)), load(right, (row, 2, p))
+                z0 = load(right, (j, 0, p)) - (y0 * x0 + y1 * x3 + y2 * x6)
+                z1 = load(right, (j, 1, p)) - (y0 * x1 + y1 * x4 + y2 * x7)
+                z2 = load(right, (j, 2, p)) - (y0 * x2 + y1 * x5 + y2 * x8)
+                store(right, (j, 0, p), z0)
+                store(right, (j, 1, p), z1)
+                store(right, (j, 2, p), z2)
         d0, l10, d1 = load(factor, (own, 0)), load(factor, (own, 3)), load(factor, (own, 4))
         l20, l21, d2 = load(factor, (own, 6)), load(factor, (own, 7)), load(factor, (own, 8))
         for p in range(many):

@@ -254,7 +254,7 @@ def condense(topology: Topology, d: Array, stiffness: Array, G: Single, P: Array
     A is the energy's second derivative when the nodes move at the rates G, and least where they keep the balance: exact
     rates make it the condensed tangent K_FF − K_Fu K_uu⁻¹ K_uF, and an error in them enters squared.
     """
-    w, v = np.empty((36, LANES)), np.empty((36, LANES))
+    w = np.empty((36, LANES))
     P[:] = 0.0
     A[:] = 0.0
     for m in range(len(stiffness)):
@@ -271,17 +271,14 @@ def condense(topology: Topology, d: Array, stiffness: Array, G: Single, P: Array
                 store(P, (i, L), load(P, (i, L)) + pulled * D)
         for p in range(9):
             store(w, (27 + p,), d0 * load(w, (p,)) + d1 * load(w, (9 + p,)) + d2 * load(w, (18 + p,)))
-        for p in range(27):
-            store(v, (p,), tension * load(w, (p,)))
-        for p in range(27, 36):
-            store(v, (p,), axial * load(w, (p,)))
         # Three columns at a time, whose w stay in the registers; entries below the diagonal blocks come in the end.
         for q in range(0, 9, 3):
             w00, w10, w20, w30 = load(w, (q,)), load(w, (9 + q,)), load(w, (18 + q,)), load(w, (27 + q,))
             w01, w11, w21, w31 = load(w, (q + 1,)), load(w, (10 + q,)), load(w, (19 + q,)), load(w, (28 + q,))
             w02, w12, w22, w32 = load(w, (q + 2,)), load(w, (11 + q,)), load(w, (20 + q,)), load(w, (29 + q,))
             for p in range(q + 3):
-                v0, v1, v2, v3 = load(v, (p,)), load(v, (9 + p,)), load(v, (18 + p,)), load(v, (27 + p,))
+                v0, v1 = tension * load(w, (p,)), tension * load(w, (9 + p,))
+                v2, v3 = tension * load(w, (18 + p,)), axial * load(w, (27 + p,))
                 store(A, (p, q), load(A, (p, q)) + v0 * w00 + v1 * w10 + v2 * w20 + v3 * w30)
                 store(A, (p, q + 1), load(A, (p, q + 1)) + v0 * w01 + v1 * w11 + v2 * w21 + v3 * w31)
                 store(A, (p, q + 2), load(A, (p, q + 2)) + v0 * w02 + v1 * w12 + v2 * w22 + v3 * w32)

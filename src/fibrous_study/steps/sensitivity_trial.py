@@ -55,7 +55,9 @@ def _rows(entry: Mapping[str, Any], number: int, config: Mapping[str, Any]) -> I
     for load_set in config["load_sets"]:
         chosen = curves.under(load_set["loads"])
         yield {
-            **{key: config[key] for key in ("factor", "value", "unit")},
+            "factor": config["factor"],
+            "value": np.nan if config["value"] is None else config["value"],  # the base has none
+            "unit": config["unit"],
             "network": entry["name"],
             "replicate": number,
             "seed": seed,
