@@ -142,7 +142,7 @@ def draw_stages(axes: Axes, stages: Sequence[Mapping[str, Any]]) -> None:
     axes.set_axis_off()
 
 
-HALF_WIDTH, HALF_HEIGHT = 0.40, 0.36
+HALF_WIDTH, HALF_HEIGHT = 0.46, 0.36
 
 
 def _draw_box(axes: Axes, at: tuple[float, float], stage: Mapping[str, Any]) -> None:
