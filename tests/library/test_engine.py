@@ -167,10 +167,11 @@ def test_a_factor_is_used_again_where_the_last_step_was_sharp_and_nowhere_else(n
     F = lanes([np.diag([stretch, 1.0, 0.97])] * 8)
     u = np.zeros((engine.size + 1, 3, LANES))
     relaxed = engine.relax(F, u)
+    whole = u, room().array("factored", engine.size, 3).copy()
     assert relaxed.converged.all()
     steps = int(relaxed.steps[0])
     # A way that is stopped after k steps has made its factors at some of the states before the kth.
-    ways = [after(engine, F, k) for k in range(1, steps)] + [(u, room().array("factored", engine.size, 3).copy())]
+    ways = [*(after(engine, F, k) for k in range(1, steps)), whole]
     states, made, before = [np.zeros_like(u), *(state for state, _ in ways)], [], np.inf
     for state in states:
         norm, bound = (values[0] for values in engine._pull(F, state))
