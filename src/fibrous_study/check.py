@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from fibrous.errors import ConfigError
-from fibrous_study.config import PROJECT, loaded
+from fibrous_study.config import PROJECT
 from fibrous_study.job import FOLDER
-from fibrous_study.plan import own_networks
 from fibrous_study.provenance import digest, record_of, recorded
 
+REPORT = "results/report.html"  # of every study but of one of a user's own networks, which makes nothing on demand
 ON_DEMAND = ("paper", "microstructure", "sensitivity")
 COMPANIONS = (".csv", ".vtu", ".feb", ".html")  # have what NetCDF holds of its making beside them, as {file}.json
 LEFT = {
@@ -35,9 +35,8 @@ def check(override: Path | None, folder: Path) -> tuple[list[str], int]:
     Also returns the number of files that the study has. `override` is a config file laid over the default one. Raises
     ConfigError where Snakemake cannot say what the study is.
     """
-    config = loaded(override)
     made_by = _outputs(jobs(override, folder, "all"))
-    if any(_foreign(folder, made_by)) and not own_networks(config):
+    if REPORT in made_by and any(_foreign(folder, made_by)):
         on_demand = _outputs(jobs(override, folder, *ON_DEMAND))
         made_by = {path: job for path, job in on_demand.items() if (folder / path).is_file()} | made_by
     digests = Digests(folder)

@@ -7,6 +7,7 @@ import pandas as pd
 
 SINGLE = "single"  # load set of a fit to one load
 ALL = "all"  # deformation of a fit to all loads of a load set
+INITIAL, REFIT = "initial", "refit"  # constants fitted to the loads of a protocol, and to the deformation they met
 LOAD = "tissue"  # the only load of networks that follow their elements
 TENSOR_COLUMNS = {"H11": (0, 0), "H22": (1, 1), "H33": (2, 2), "H12": (0, 1), "H13": (0, 2), "H23": (1, 2)}
 # What the column `objective` says of fits that were asked for so: section 2.5 may fit a slope in place of an energy.

@@ -265,17 +265,3 @@ def forms(config: Config) -> list[dict[str, str]]:
 def form_of(model: Config) -> dict[str, str]:
     """Energy and objective of the fits behind a model's constants."""
     return {key: model[key] for key in EQ_2}
-
-
-def in_order_of(default: Any, value: Any) -> Any:
-    """A config with its keys in the order of the default one's; those that it lacks come last.
-
-    >>> in_order_of({"b": 1, "a": {"d": 1, "c": 1}}, {"a": {"c": 2, "d": 3}, "b": 4, "e": 5})
-    {'b': 4, 'a': {'d': 3, 'c': 2}, 'e': 5}
-    """
-    if isinstance(value, dict) and isinstance(default, dict):
-        keys = [key for key in default if key in value] + [key for key in value if key not in default]
-        return {key: in_order_of(default.get(key), value[key]) for key in keys}
-    if isinstance(value, list) and isinstance(default, list) and default:
-        return [in_order_of(default[0], one) for one in value]
-    return value

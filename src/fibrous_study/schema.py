@@ -81,7 +81,7 @@ def _table(
     rows: Mapping[str, tuple[str, ...]] | None = None,
     law: str = "",
 ) -> Table:
-    declared = {name: Field(column[0], column[1], "".join(column[2:])) for name, column in columns.items()}
+    declared = {name: Field(of, meaning, "".join(heading)) for name, (of, meaning, *heading) in columns.items()}
     return Table(place, declared, rows or {}, law)
 
 

@@ -266,9 +266,9 @@ def test_lagged_constants_need_no_curves_of_refits(quick):
 @pytest.mark.parametrize(
     ("source", "first", "spared"),
     [
-        ("fibrous/networks/generation.py", {"network_ensemble", "network_curves"}, {"specimen", "table_1"}),
+        ("fibrous/networks/generation.py", {"network_ensemble", "network_curves"}, {"specimen", "figure_7"}),
         ("fibrous/fitting/hgo.py", {"hgo_fits"}, {"network_ensemble", "network_curves", "specimen", "figure_7"}),
-        ("fibrous/fe/assembly.py", {"tissue_run"}, {"network_ensemble", "network_curves", "hgo_fits", "case_study"}),
+        ("fibrous/fe/assembly.py", {"specimen", "tissue_run"}, {"network_states", "table_1", "case_study"}),
         ("fibrous/specimen.py", {"specimen"}, {"table_1", "case_study", "figure_7"}),
         ("fibrous/hybrid.py", set(), None),
         ("fibrous_study/steps/convergence.py", {"convergence"}, None),

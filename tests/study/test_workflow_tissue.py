@@ -9,11 +9,10 @@ import pandas as pd
 import pytest
 import xarray as xr
 import yaml
-from workflow_runs import QUICK, all_files, quick_config, snakemake, would_run, written
+from workflow_runs import QUICK, snakemake, would_run, written
 
 from fibrous.fe.mesh import box
 from fibrous_study.check import check
-from fibrous_study.config import validated
 
 OWN_TISSUE = {
     "specimen": "file",
@@ -79,16 +78,6 @@ def ensembles(paths: set[str]) -> set[str]:
     return {Path(path).parts[2] for path in paths if path.startswith("results/networks/")}
 
 
-def whole_study(folder: Path, change: dict) -> set[str]:
-    """The files of the quick study with `change`, which sees the paths of the tissue from `folder`."""
-    config = quick_config()
-    for key, value in change.items():
-        config[key] = {**config[key], **value} if isinstance(value, dict) else value
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        return all_files(validated(config), folder)
-
-
 def test_a_tissue_of_ones_own_makes_no_other_networks(tmp_path):
     own_tissue(tmp_path)
     for targets in ((), ("tissue",), ("curves",), ("report",)):
@@ -96,7 +85,6 @@ def test_a_tissue_of_ones_own_makes_no_other_networks(tmp_path):
         assert ensembles(found) == {"tissue"}
         assert not any(f"/{name}" in path for path in found for name in ("delaunay", "named", "replicates", "surface"))
     found = would_run(tmp_path, few_models())
-    assert found == whole_study(tmp_path, few_models())
     made = ("tables/comparison.csv", "tables/table_2.csv", "report.html", "report/comparison.html")
     drawn = (f"figures/{name}.png" for name in ("specimen", "figure_9", "comparison", "figure_4"))
     assert {f"results/{path}" for path in (*made, *drawn)} <= found
@@ -106,7 +94,6 @@ def test_a_tissue_of_ones_own_makes_no_other_networks(tmp_path):
 def test_a_model_with_constants_of_the_surface_makes_its_networks_and_no_others(tmp_path):
     own_tissue(tmp_path)
     found = would_run(tmp_path, few_models(FROM_SURFACE))
-    assert found == whole_study(tmp_path, few_models(FROM_SURFACE))
     assert ensembles(found) == {"tissue", "delaunay"}
     assert {"results/tables/surface.nc", "results/tissue/hgo_surface.nc"} <= found
     assert "results/claims.csv" not in found

@@ -13,6 +13,7 @@ from fibrous.materials.contract import Material
 from fibrous.materials.registry import LAWS as ALL_LAWS
 from fibrous_study.audit.evidence import Constants, Evidence
 from fibrous_study.audit.verdict import Array, Finding, Verdict, judged, judges, numbers
+from fibrous_study.fit_tables import INITIAL, REFIT
 
 EQ_2, EQ_10C = "eq_2", "eq_10c"
 # The law that is fitted, and the law that the finite elements run with the same constants.
@@ -20,7 +21,6 @@ LAWS: dict[str, Callable[[Array, float, float, bool], Material]] = {
     EQ_2: ALL_LAWS["structure_tensor"].material.of_structure_tensor,
     EQ_10C: ALL_LAWS["families"].material.of_structure_tensor,
 }
-INITIAL, REFIT = "initial", "refit"
 
 
 @dataclass(frozen=True)

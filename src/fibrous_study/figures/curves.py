@@ -16,6 +16,7 @@ from fibrous.fitting.hgo import strain_energy
 from fibrous_study.curve_datasets import curves_called
 from fibrous_study.datasets import read_table
 from fibrous_study.figures import style
+from fibrous_study.fit_tables import ALL
 
 # A load whose energy ends above this many times that of the default load set's leaves the panel.
 SHOWN_RATIO = 2.0
@@ -50,7 +51,7 @@ def pooled_fits(path: Path) -> pd.DataFrame:
     """The rows of a table of fits that belong to a whole load set and to what panels draw, Eq. 2 fitted to energy."""
     table = read_table(path, "fits")
     eq_2 = (table["energy"] == "structure_tensor") & (table["objective"] == "energy")
-    return table[eq_2 & (table["deformation"] == "all")]
+    return table[eq_2 & (table["deformation"] == ALL)]
 
 
 def stacked(tables: Mapping[str, pd.DataFrame], column: str) -> pd.DataFrame:

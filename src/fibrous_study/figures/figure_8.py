@@ -13,10 +13,11 @@ from matplotlib.lines import Line2D
 
 from fibrous_study.datasets import read_table, write_table
 from fibrous_study.figures import style
+from fibrous_study.fit_tables import INITIAL, REFIT
 from fibrous_study.words import law_label
 
 NETWORK = "network"
-PANELS = {"a": ("initial", "initial fit"), "b": ("refit", "refit")}
+PANELS = {"a": (INITIAL, "initial fit"), "b": (REFIT, "refit")}
 NORMAL, SHEAR = ("xx", "yy", "zz"), ("xy", "xz", "yz")
 KPA = 1e3  # in MPa
 MARKER: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 2.6, "mfc": "white", "mec": style.INK, "mew": 0.6}

@@ -18,11 +18,10 @@ from fibrous.materials.contract import Material
 from fibrous.materials.registry import LAWS, law_called
 from fibrous_study import datasets
 from fibrous_study.curve_datasets import curves_called
-from fibrous_study.fit_tables import ALL, SINGLE, fits_of, structure_tensors
+from fibrous_study.fit_tables import ALL, INITIAL, REFIT, SINGLE, fits_of, structure_tensors
 from fibrous_study.loading import member_called
 
 NETWORK = "network"  # in the column `model`
-INITIAL, REFIT = "initial", "refit"
 # Section 2.5 fits the slope where an energy fit is poor; it stays the energy's fit.
 NOTHING = {"constants": "", "law": "", "energy": "", "objective": "", "C2_MPa": np.nan, "C3": np.nan}
 

@@ -25,6 +25,7 @@ from fibrous.fitting.surface import (
     summary,
 )
 from fibrous_study import datasets
+from fibrous_study.fit_tables import ALL
 
 # constant of the surface: column of the fits, column of its half-width, terms
 CONSTANTS = {
@@ -69,7 +70,7 @@ def _results(path: Path, folds: int) -> list[_Result]:
     """A surface for each load set of one table of fits: fits of Eq. 2 to the energy of all its loads."""
     table = datasets.read_table(path, "fits")
     eq_2 = (table["energy"] == "structure_tensor") & (table["rule"] == "energy")
-    table = table[eq_2 & (table["deformation"] == "all")]
+    table = table[eq_2 & (table["deformation"] == ALL)]
     if table.empty:
         raise DatasetError(f"{path}: holds no fit to all loads of a load set; delete it and run again")
     return [_result(path.stem, str(load_set), fits, folds) for load_set, fits in table.groupby("load_set", sort=False)]
