@@ -23,6 +23,7 @@ _MODULES = {
     "FiberNetworks": "materials.network",
     "HGOFamilies": "materials.hgo",
     "HGOStructureTensor": "materials.hgo",
+    "Junction": "materials.junction",
     "LAWS": "materials.registry",
     "Limits": "networks.guard",
     "LoadCase": "deformation",

@@ -51,6 +51,7 @@ LAWS = _Laws(
     structure_tensor=Law("Eq. 2", "fibrous.materials.hgo:HGOStructureTensor", has_constants=True),
     families=Law("Eq. 10C", "fibrous.materials.hgo:HGOFamilies", has_constants=True, in_febio=True),
     affine=Law("affine fibres, nothing fitted", "fibrous.materials.affine_fibers:AffineFibers", has_networks=True),
+    junction=Law("junction law, nothing fitted", "fibrous.materials.junction:Junction", has_networks=True),
     network=Law(
         "a network at every Gauss point", "fibrous.materials.network:FiberNetworks", has_networks=True, is_solved=True
     ),

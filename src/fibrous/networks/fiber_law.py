@@ -29,6 +29,7 @@ from fibrous.networks.lanes import (
     least,
     load,
     magnitude,
+    square_root,
     store,
 )
 
@@ -117,6 +118,39 @@ def energy(kind, stretch, first, second):  # type: ignore[no-untyped-def]
     if kind == EXPONENTIAL:
         return _exponential_energy(stretch, first, second)
     return _buckling_energy(stretch, first, second)
+
+
+@njit(nogil=True, error_model="numpy")
+def force_per_stretch(kind, strain, first, second):  # type: ignore[no-untyped-def]
+    """s = f/λ of the law of that number and its first three derivatives by the Green strain e = (λ² − 1)/2 > −1/2."""
+    # 1/λ and its derivatives by e: −1/λ³, 3/λ⁵, −15/λ⁷.
+    d0 = 1.0 / square_root(1.0 + 2.0 * strain)
+    square = d0 * d0
+    d1 = -1.0 * d0 * square
+    d2 = -3.0 * d1 * square
+    d3 = -5.0 * d2 * square
+    if kind == EXPONENTIAL:
+        most = 0.5 * (second * second - 1.0)
+        growth = exponential_less_one(first * least(strain, most))
+        force, slope = growth * (1.0 / first), growth + 1.0
+        curved = first * slope
+        s0 = force * d0
+        s1 = slope * d0 + force * d1
+        s2 = curved * d0 + 2.0 * slope * d1 + force * d2
+        s3 = first * curved * d0 + 3.0 * curved * d1 + 3.0 * slope * d2 + force * d3
+        if second == np.inf:
+            return s0, s1, s2, s3
+        # Beyond, f = stiffness λ − intercept.
+        stiffness = second * slope
+        intercept = stiffness * second - force
+        return (
+            choose(strain, most, s0, stiffness - intercept * d0),
+            choose(strain, most, s1, -1.0 * intercept * d1),
+            choose(strain, most, s2, -1.0 * intercept * d2),
+            choose(strain, most, s3, -1.0 * intercept * d3),
+        )
+    stiffness = choose(strain, -SLACK, first, 1.0)
+    return stiffness * (1.0 - d0), -1.0 * stiffness * d1, -1.0 * stiffness * d2, -1.0 * stiffness * d3
 
 
 @njit(nogil=True, error_model="numpy")
