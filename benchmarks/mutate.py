@@ -30,6 +30,41 @@ class Mutation:
 
 MUTATIONS = [
     Mutation(
+        "energy that junctions release",
+        "fibrous/materials/junction_kernels.py",
+        "store(S, (m,), load(S, (m,)) - scale * x)",
+        "store(S, (m,), load(S, (m,)) + scale * x)",
+        "library/test_junction.py",
+    ),
+    Mutation(
+        "curvature of the inverse of C",
+        "fibrous/materials/junction_kernels.py",
+        "- (2.0 * scale) * mean * x)",
+        "+ (2.0 * scale) * mean * x)",
+        "library/test_junction.py",
+    ),
+    Mutation(
+        "second term of the series under compression",
+        "fibrous/materials/junction_kernels.py",
+        "x = load(full, (square + a,)) - load(full, (FULL_Q + a,))",
+        "x = load(full, (square + a,)) + load(full, (FULL_Q + a,))",
+        "library/test_junction.py",
+    ),
+    Mutation(
+        "third derivative of a fibre's reduced force",
+        "fibrous/networks/fiber_law.py",
+        "d3 = -5.0 * d2 * square",
+        "d3 = 5.0 * d2 * square",
+        "library/test_junction.py",
+    ),
+    Mutation(
+        "imbalance of a node",
+        "fibrous/materials/junction.py",
+        "np.bincount(tails, one, count) - np.bincount(heads, one, count)",
+        "np.bincount(tails, one, count) + np.bincount(heads, one, count)",
+        "library/test_junction.py",
+    ),
+    Mutation(
         "Green strain of the fibre law",
         "fibrous/networks/fiber_law.py",
         "growth = exponential_less_one(0.5 * nonlinearity * (cut * cut - 1.0))",
