@@ -112,7 +112,9 @@ class Study:
     def write_fits(self, protocol: str, table: pd.DataFrame) -> None:
         """Fits with all columns of the schema; those that the table lacks hold nothing."""
         columns = {name: "" if column.dtype == "U" else np.nan for name, column in TABLES["fits"].columns.items()}
-        whole = table.assign(**{name: value for name, value in columns.items() if name not in table})
+        whole = table.assign(
+            **{name: value for name, value in columns.items() if name not in table and name not in TENSOR}
+        )
         datasets.write_table(whole, self.folder / f"results/fits/tissue/{protocol}.csv", NO_PARAMS)
 
 

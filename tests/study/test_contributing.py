@@ -32,7 +32,7 @@ assert law_label(model) == "Eq. 2 about one axis fitted and run"
 study.run("specimen")
 table = study.folder / FITS_FILE
 run_fits([curves_file(study.folder / "curves.nc", range(12))], table, [{"energy": "one_axis", "objective": "energy"}])
-study.run("tissue", run="one_axis")
+study.run("tissue_run", run="one_axis")
 tissue = study.tissue("one_axis")
 C2, C3 = tissue["C2"][0].values[:, None], tissue["C3"][0].values[:, None]
 assert (C2 > 0.0).all() and np.ptp(C2) > 0.0
@@ -49,6 +49,7 @@ def test_the_law_that_is_added_is_fitted_run_and_labelled(tmp_path):
     copy = tmp_path / "project"
     for name in ("src", "config", "workflow"):
         shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "Snakefile", copy)
     section = re.search(r"^## To add a law of tissue$(.*?)^## ", CONTRIBUTING, re.M | re.S)
     diffs = re.findall(r"```diff\n\+\+\+ (\S+)\n(.*?)```", section[1], re.S)
     assert len(diffs) == 3
