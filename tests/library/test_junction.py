@@ -7,6 +7,7 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 import fibrous as fb
+from fibrous.errors import NetworkError
 from fibrous.materials.contract import MaterialError
 from fibrous.materials.junction import few_fibers, release
 from fibrous.networks.geometry import Geometry
@@ -103,10 +104,13 @@ def test_points_of_elements_take_their_own_fibres(networks):
     F = np.eye(3) + 0.05 * np.random.default_rng(0).normal(size=(2, 11, 3, 3))
     F[0, 3] = np.diag([-1.0, 1.0, 1.0])
     P, A, _ = law(F)
+    W = law.energy(F)
     assert np.isnan(P[0, 3]).all()
+    assert np.isnan(W[0, 3])
     for e, q in ((0, 0), (1, 10), (1, 3)):
         one = fb.Junction(law.directions[e, 0], law.weights[e, 0], FIBER, float(law.release[e, 0]))
         np.testing.assert_array_equal(one.piola(F[e, q]), P[e, q])
+        assert float(one.energy(F[e, q])) == W[e, q]
         np.testing.assert_array_equal(law.of_elements(slice(e, e + 1)).tangent(F[e : e + 1])[0, q], A[e, q])
 
 
@@ -158,4 +162,11 @@ def test_what_is_out_of_range_is_refused():
             fb.Junction(N, v, FIBER, release_)
     with pytest.raises(MaterialError, match="weights"):
         fb.Junction(N, 0.0 * v, FIBER, 0.02)
-    assert exponential(2.5).kind == FIBER.kind
+    with pytest.raises(MaterialError, match="plane"):
+        fb.Junction(N[:2], v[:2], FIBER, 0.02)
+    with pytest.raises(MaterialError, match="per fiber"):
+        fb.Junction(N, v, exponential(np.full(3, 2.5)), 0.02)
+    position = np.array([[0.0, 0, 0], [0.5, 0, 0], [-0.5, 0.1, 0], [0.1, 0.5, 0]])
+    flat = Geometry(position, np.array([False, True, True, True]), np.array([[0, 1], [0, 2], [0, 3]]))
+    with pytest.raises(NetworkError, match="node 0"):
+        release(flat)

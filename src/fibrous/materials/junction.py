@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from fibrous.errors import NetworkError
 from fibrous.materials import junction_kernels as kernels
 from fibrous.materials.affine_fibers import PAIRS, AffineFibers
 from fibrous.materials.contract import MaterialError, PerElement, State, refuse
@@ -30,6 +31,8 @@ Array = NDArray[np.float64]
 # Directions among which few are chosen, and the degree of the moments that these keep: 28 of them.
 GRID, DEGREE = 250, 6
 FEW = (DEGREE + 1) * (DEGREE + 2) // 2
+# Fibres are in a plane where their mean stiffness across it is not more than this part of the largest.
+PLANAR = 1e-9
 
 
 @dataclass(frozen=True, repr=False)
@@ -43,7 +46,8 @@ class Junction(PerElement):
     law : of the fibres, the same everywhere
     release : κ, at least 0, a number, or shape (elements, 1) with fibres of each element
 
-    Raises MaterialError for numbers out of these ranges and shapes other than these.
+    Raises MaterialError for numbers out of these ranges, shapes other than these, a law with numbers per fibre, and
+    fibres that lie in a plane, against whose mean stiffness nothing gives way out of it.
 
     >>> from fibrous import Fiber, delaunay
     >>> fiber = Fiber(modulus_MPa=10.0, nonlinearity=2.5, radius_um=0.1)
@@ -69,6 +73,10 @@ class Junction(PerElement):
         if not (np.ndim(self.release) == 0 or per_element):
             raise MaterialError(f"release has the shape {np.shape(self.release)}; it must be a number or (elements, 1)")
         refuse(self.weights.sum(axis=-1) > 0.0, self.weights, "weights", "above 0 in sum")
+        if any(np.ndim(number) for number in self.law.constants()):
+            raise MaterialError("the junction law has a law for all fibers: give it numbers, not numbers per fiber")
+        stiffness = np.linalg.eigvalsh(np.einsum("...q,...qi,...qj->...ij", self.weights, *[self.directions] * 2))
+        refuse(stiffness[..., 0] > PLANAR * stiffness[..., 2], self.directions, "directions", "out of one plane")
 
     @classmethod
     def of_networks(cls, networks: Sequence[Network]) -> Self:
@@ -86,35 +94,39 @@ class Junction(PerElement):
 
     def __call__(self, gradient: Array, state: State = None, near: State = None) -> tuple[Array, Array, State]:
         """P and its exact derivative, in MPa."""
-        F, points = self._in_lanes(gradient)
+        F, possible = self._in_lanes(gradient)
         P, A = np.empty(F.shape), np.empty((len(F), 81, LANES))
         kernels.respond(F, *self._fibers(len(F)), P, A)
-        return self._from_lanes(P, points, (3, 3)), self._from_lanes(A, points, (3, 3, 3, 3)), state
+        return self._from_lanes(P, possible, (3, 3)), self._from_lanes(A, possible, (3, 3, 3, 3)), state
 
     def energy(self, gradient: Array) -> Array:
         """W, shape (...), MPa."""
-        F, points = self._in_lanes(gradient)
+        F, possible = self._in_lanes(gradient)
         W = np.empty((len(F), 1, LANES))
         kernels.stored_energy(F, *self._fibers(len(F)), W[:, 0])
-        return self._from_lanes(W, points, ())
+        return self._from_lanes(W, possible, ())
 
-    def _in_lanes(self, gradient: Array) -> tuple[Array, tuple[int, ...]]:
-        """F of eight points of one element at a time, shape (groups, 9, 8), filled up, and the points' shape."""
+    def _in_lanes(self, gradient: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """F of eight points of one element at a time, shape (groups, 9, 8), filled up, and where det F > 0.
+
+        Points where it is not, shape (...), stand at rest meanwhile.
+        """
         F = np.asarray(gradient, dtype=float)
         leading = np.broadcast_shapes(F.shape[:-2], self.weights.shape[:-1])
         with np.errstate(invalid="ignore"):
-            possible = np.linalg.det(F) > 0.0
-        F = np.broadcast_to(np.where(possible[..., None, None], F, np.nan), (*leading, 3, 3))
-        F = F.reshape(self._elements, -1, 9)
+            possible = np.broadcast_to(np.linalg.det(F) > 0.0, leading)
+        F = np.where(possible[..., None, None], F, np.eye(3)).reshape(self._elements, -1, 9)
         count = F.shape[1]
         filled = np.minimum(np.arange(-(-count // LANES) * LANES), count - 1)
         lanes = F[:, filled].reshape(-1, LANES, 9).transpose(0, 2, 1)
-        return np.ascontiguousarray(lanes), leading
+        return np.ascontiguousarray(lanes), possible
 
-    def _from_lanes(self, values: Array, points: tuple[int, ...], components: tuple[int, ...]) -> Array:
-        count = int(np.prod(points, dtype=int)) // self._elements
+    def _from_lanes(self, values: Array, possible: NDArray[np.bool_], components: tuple[int, ...]) -> Array:
+        count = possible.size // self._elements
         rows = values.transpose(0, 2, 1).reshape(self._elements, -1, values.shape[1])[:, :count]
-        return np.ascontiguousarray(rows).reshape((*points, *components))
+        result = np.ascontiguousarray(rows).reshape((*possible.shape, *components))
+        result[~possible] = np.nan
+        return result
 
     @property
     def _elements(self) -> int:
@@ -182,6 +194,7 @@ def release(network: Geometry) -> float:
     Stretched affinely by a small strain ε, the fibres at node i pull with g_i = Σ ± N (N · ε N); it gives way against
     K_i = Σ N ⊗ N/L: all nodes, each for itself, release Q(ε) = Σ ½ g_i · K_i⁻¹ g_i, where the law has κ R(ε) with
     R(ε) = Σ L (N · ε N)² N · B⁻¹ N, B = Σ L N ⊗ N / Σ L. Both are quadratic in ε, and κ is the ratio of their means.
+    Raises NetworkError for a node whose fibres lie in a plane.
     """
     lengths = network.fiber_lengths
     N = network.fiber_vectors / lengths[:, None]
@@ -195,6 +208,10 @@ def release(network: Geometry) -> float:
     K = np.stack([np.bincount(tails, one, count) + np.bincount(heads, one, count) for one in stiffness.T], axis=1)
     inside = ~network.node_is_boundary
     g, K = g[inside].reshape(-1, 3, 6), K[inside].reshape(-1, 3, 3)
+    stiffness = np.linalg.eigvalsh(K)
+    floppy = np.flatnonzero(inside)[stiffness[:, 0] <= PLANAR * stiffness[:, 2]]
+    if floppy.size:
+        raise NetworkError(f"node {floppy[0]}: its fibers lie in a plane; join it to a node out of that plane")
     Q = 0.5 * (g * np.linalg.solve(K, g)).sum()
     B = (N.T * lengths) @ N / lengths.sum()
     R = (lengths * (strain * strain).sum(axis=1) * (N * np.linalg.solve(B, N.T).T).sum(axis=1)).sum()
