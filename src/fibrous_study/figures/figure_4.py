@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -142,7 +143,8 @@ def draw_stages(axes: Axes, stages: Sequence[Mapping[str, Any]]) -> None:
     axes.set_axis_off()
 
 
-HALF_WIDTH, HALF_HEIGHT = 0.46, 0.36
+HALF_WIDTH, HALF_HEIGHT = 0.40, 0.44
+LONGEST_LINE = 12  # letters of a name that fit into a box
 
 
 def _draw_box(axes: Axes, at: tuple[float, float], stage: Mapping[str, Any]) -> None:
@@ -154,9 +156,10 @@ def _draw_box(axes: Axes, at: tuple[float, float], stage: Mapping[str, Any]) -> 
     axes.add_patch(box)
     drawn = (name.removeprefix("figure_") for name in stage["drawn"])
     numbers = ", ".join(name for name in drawn if name.isdigit())
-    axes.text(x, y - 0.17, stage["stage"].replace("_", " "), ha="center", va="center", fontsize=6.0, zorder=5)
+    name = "\n".join(textwrap.wrap(stage["stage"].replace("_", " "), LONGEST_LINE))
+    axes.text(x, y - 0.2, name, ha="center", va="center", fontsize=6.0, zorder=5)
     words = f"{stage['jobs']} job{'s' if stage['jobs'] > 1 else ''}\n{'Fig. ' + numbers if numbers else ''}".strip()
-    axes.text(x, y + 0.13, words, ha="center", va="center", fontsize=6.0, color=style.FAINT, zorder=5)
+    axes.text(x, y + 0.18, words, ha="center", va="center", fontsize=6.0, color=style.FAINT, zorder=5)
 
 
 def _draw_path(axes: Axes, points: Sequence[tuple[float, float]]) -> None:
