@@ -118,7 +118,7 @@ def test_figure_4_draws_every_stage_with_its_jobs(quick):
     figure = matplotlib.figure.Figure()
     axes = figure.add_subplot()
     figure_4.draw_stages(axes, stages)
-    words = [text.get_text() for text in axes.texts]
+    words = [" ".join(text.get_text().split()) for text in axes.texts]
     for stage in stages:
         at = words.index(stage["stage"].replace("_", " "))
         assert words[at + 1].split()[0] == str(stage["jobs"])
